@@ -1,0 +1,105 @@
+"""A lattice field through scattered displacements: regularised linear least squares in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from frametwin.fields.base import checked_points
+from frametwin.fields.lattice import Cells, LatticeField
+
+Floats = NDArray[np.float64]
+
+MOST_COEFFICIENTS = 8000
+"""The normal equations are solved as a dense matrix; this many take half a gigabyte."""
+
+_RIDGE = 1e-10  # of the mean diagonal: levels overlap, so coefficients alone are not unique
+_SECOND = (
+    ((2, 0, 0), 1.0),
+    ((0, 2, 0), 1.0),
+    ((0, 0, 2), 1.0),
+    ((1, 1, 0), 2.0),
+    ((1, 0, 1), 2.0),
+    ((0, 1, 1), 2.0),
+)
+_FIRST = (((1, 0, 0), 1.0), ((0, 1, 0), 1.0), ((0, 0, 1), 1.0))
+
+
+def fit_lattice(
+    points: ArrayLike,
+    displacements: ArrayLike,
+    weights: ArrayLike | None,
+    box: ArrayLike,
+    resolutions: Sequence[Cells],
+    *,
+    bending: float = 1e-6,
+    stretch: float = 0.0,
+) -> LatticeField:
+    """The lattice field nearest to given displacements.
+
+    Minimises, with L the longest side of the box,
+
+        sum_i w_i |d(x_i) - d_i|^2 / sum_i w_i + bending L^4 <|grad grad d|^2> + stretch L^2 <|grad d|^2>,
+
+    where <> is the mean over the box (Gauss quadrature in the finest cells). The weights of the energies have
+    no unit and mean the same for frames of all sizes. Bending leaves affine motions free, stretch only
+    translations.
+
+    Parameters
+    ----------
+    points : (N, 3) mm.
+    displacements : (N, 3) mm.
+    weights : (N,) not negative, not all zero; None for equal ones.
+    box : (2, 3) mm, the domain of the field.
+    resolutions : cells (cx, cy, cz) of each level.
+    bending, stretch : weights of the energies.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, weights are not usable, or there are more than `MOST_COEFFICIENTS` coefficients.
+    """
+    from scipy import linalg
+
+    field = LatticeField.zeros(box, resolutions)
+    where, targets = checked_points(points), checked_points(displacements)
+    share = np.ones(len(where)) if weights is None else np.asarray(weights, dtype=np.float64)
+    if len(targets) != len(where) or share.shape != (len(where),):
+        raise ValueError(
+            f"{len(where)} points, {len(targets)} displacements and weights {share.shape} do not fit"
+        )
+    if not (np.isfinite(share).all() and share.min(initial=0.0) >= 0.0 and share.sum() > 0.0):
+        raise ValueError("weights must be finite, not negative and not all zero")
+    size = len(field.coefficients)
+    if size > MOST_COEFFICIENTS:
+        raise ValueError(f"{size} coefficients are more than {MOST_COEFFICIENTS}; use coarser levels")
+    basis = field.basis_matrix(where)
+    weighted = basis.multiply((share / share.sum())[:, None]).tocsr()
+    normal = (weighted.T @ basis).toarray()
+    length = float(np.ptp(field.box, axis=0).max())
+    if bending > 0.0:
+        normal += bending * length**4 * _energy(field, _SECOND)
+    if stretch > 0.0:
+        normal += stretch * length**2 * _energy(field, _FIRST)
+    normal[np.diag_indices(size)] += _RIDGE * np.trace(normal) / size
+    return field.with_coefficients(linalg.solve(normal, weighted.T @ targets, assume_a="pos"))
+
+
+def _energy(field: LatticeField, terms: Sequence[tuple[tuple[int, int, int], float]]) -> Floats:
+    """(C, C) matrix of the mean over the box of a sum of squared derivatives."""
+    cells = np.max(field.resolutions, axis=0)
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    axes, shares = [], []
+    for axis, count in enumerate(cells):
+        low, high = field.box[:, axis]
+        axes.append(low + (high - low) * ((np.arange(count)[:, None] + 0.5 * (nodes + 1.0)) / count).ravel())
+        shares.append(np.tile(0.5 * weights / count, count))
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    share = np.einsum("i,j,k->ijk", *shares).ravel()
+    total = np.zeros((len(field.coefficients),) * 2)
+    for orders, factor in terms:
+        matrix = field.derivative_matrix(grid, orders)
+        total += (matrix.multiply((factor * share)[:, None]).tocsr().T @ matrix).toarray()
+    return total

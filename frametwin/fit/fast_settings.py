@@ -1,0 +1,127 @@
+"""Settings of the fast fit."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from frametwin.errors import InputError
+
+
+@dataclass(frozen=True)
+class CoarseStage:
+    """Damped Gauss-Newton steps in the frame's smooth motions.
+
+    Attributes
+    ----------
+    detail : the typical strut's apparent radius in pixels, which sets the size of the pictures; they are never
+        enlarged.
+    blur : of rods and target, in pixels of that size.
+    iterations : steps, at most.
+    longest : cap on a step, in pixels of that size.
+    gain : the stage ends when a step lowers the loss by less than this share.
+    """
+
+    detail: float
+    blur: float
+    iterations: int
+    longest: float = 1.0
+    gain: float = 5e-3
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Gauss-Newton steps of every joint and strut.
+
+    Attributes
+    ----------
+    detail, blur, iterations, longest : as in `CoarseStage`.
+    pull : weight of the elastic energy about where the coarse stages left the frame.
+    drag : weight of the elastic energy of each step.
+    """
+
+    detail: float
+    blur: float
+    iterations: int
+    pull: float
+    drag: float
+    longest: float = 1.0
+
+
+@dataclass(frozen=True)
+class FastSettings:
+    """Schedule of the ``fast`` preset. It draws nothing at random, so the seed changes nothing.
+
+    Attributes
+    ----------
+    preset, seed : kept with the result.
+    kernels_per_strut : K, pieces for which thickness and opacity are given.
+    pieces : straight pieces of a strut while fitting.
+    cells : of the lattice of loads, along the frame's longest side.
+    coarse : stages in smooth motions; skipped when the fit starts from an earlier field.
+    refine : stages with every joint and strut free.
+    recover : stages after struts that were seen to be astray have been put where their neighbours expect them.
+    finish : last stages.
+    learn_thickness, learn_opacity : whether radius and presence are found.
+    suspicious : a strut whose pixels are less white than this share is astray or missing.
+    absent : a piece whose pixels are less white than this share is missing.
+    field_cells : cells of the lattices of the field that is fitted to the result, along the longest side.
+    """
+
+    preset: str = "fast"
+    seed: int = 0
+    kernels_per_strut: int = 20
+    pieces: int = 8
+    cells: int = 1
+    coarse: tuple[CoarseStage, ...] = (
+        CoarseStage(0.5, 1.5, 14),
+        CoarseStage(0.9, 1.5, 10),
+        CoarseStage(0.9, 0.7, 6),
+    )
+    refine: tuple[Stage, ...] = (
+        Stage(0.9, 1.0, 3, 0.12, 1.2),
+        Stage(0.9, 1.0, 4, 0.04, 0.4),
+        Stage(0.9, 0.7, 4, 0.04, 0.12),
+        Stage(1.8, 0.7, 4, 0.04, 0.12, 1.5),
+    )
+    recover: tuple[Stage, ...] = (
+        Stage(0.9, 1.0, 3, 0.04, 0.12),
+        Stage(1.8, 0.7, 4, 0.04, 0.12, 1.5),
+    )
+    finish: tuple[Stage, ...] = (Stage(3.6, 0.5, 4, 0.04, 0.12, 1.5),)
+    learn_thickness: bool = True
+    learn_opacity: bool = True
+    suspicious: float = 0.9
+    absent: float = 0.5
+    field_cells: tuple[int, ...] = (2, 5)
+
+    def __post_init__(self) -> None:
+        whole = {"seed": (0, 2**63 - 1), "kernels_per_strut": (1, 1000), "pieces": (1, 100), "cells": (1, 6)}
+        for name, (low, high) in whole.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+                raise InputError.at(
+                    "settings", name, f"is {value!r}", f"give a whole number from {low} to {high}"
+                )
+        for name in ("suspicious", "absent"):
+            value = getattr(self, name)
+            if not (isinstance(value, float | int) and 0.0 <= value <= 1.0):
+                raise InputError.at("settings", name, f"is {value!r}", "give a share from 0 to 1")
+        for name in ("learn_thickness", "learn_opacity"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError.at("settings", name, f"is {getattr(self, name)!r}", "give true or false")
+
+    def replace(self, **changes: Any) -> FastSettings:
+        """A copy with other values in some settings, checked anew.
+
+        Raises
+        ------
+        InputError
+            If a setting is unknown or out of its range.
+        """
+        known = [f.name for f in dataclasses.fields(self)]
+        for name in changes:
+            if name not in known:
+                raise InputError.at("settings", name, "is not a setting", f"use one of {', '.join(known)}")
+        return dataclasses.replace(self, **changes)

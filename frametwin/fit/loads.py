@@ -1,0 +1,69 @@
+"""Smooth ways in which a frame gives: its answers to smooth loads.
+
+The coarse stage moves the frame as it would answer, by its own stiffness, to a load that is a cubic B-spline lattice
+of body forces: u = K^-1 f(x). Gravity is such a load, and so is nearly whatever else pulls a print out of shape; with
+the same number of unknowns these motions come several times nearer to a sagging frame than a lattice of displacements
+does, as they know what is joined to what, what stands and what hangs. Rigid motions are added, for a print that came
+off its place as a whole.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frametwin.beams import factorise
+from frametwin.fields.lattice import LatticeField, even_cells
+from frametwin.fit.elastic import ElasticFrame
+
+HOLD = 1e6
+"""Springs on grounded joints, relative to the mean diagonal of the stiffness."""
+
+
+def rigid_motions(vertices: np.ndarray) -> np.ndarray:
+    """(6V, 6): three shifts of 1 mm and three turns about the middle by up to about 1 mm."""
+    arm = vertices - vertices.mean(axis=0)
+    reach = max(float(np.linalg.norm(arm, axis=1).max()), 1e-9)
+    motions = np.zeros((len(vertices), 6, 6))
+    for axis in range(3):
+        unit = np.eye(3)[axis]
+        motions[:, axis, axis] = 1.0
+        motions[:, :3, 3 + axis] = np.cross(unit, arm) / reach
+        motions[:, 3 + axis, 3 + axis] = 1.0 / reach
+    return motions.reshape(-1, 6)
+
+
+def load_answers(elastic: ElasticFrame, cells: int) -> np.ndarray:
+    """Static answers (6V, M) to a lattice of body forces, each scaled to a root mean square shift of 1 mm.
+
+    Parameters
+    ----------
+    elastic
+        The frame; its grounded joints are held.
+    cells
+        Cells of the lattice along the longest side of the frame's box.
+    """
+    frame = elastic.frame
+    low, high = frame.bounds
+    pad = 1e-3 * frame.extent
+    box = np.array([low - pad, high + pad])
+    basis = LatticeField.zeros(box, [even_cells(box, cells)]).basis_matrix(frame.vertices).toarray()
+    basis = basis[:, np.abs(basis).max(axis=0) > 1e-3]
+    half = frame.chord_lengths / 2.0
+    weight = np.bincount(frame.edges.ravel(), weights=np.repeat(half, 2), minlength=frame.vertex_count)
+    loads = np.zeros((frame.vertex_count, 6, 3, basis.shape[1]))
+    for axis in range(3):
+        loads[:, axis, axis] = basis * weight[:, None]
+    stiffness = elastic.anchored(elastic.assemble(elastic.stiffness))
+    held = np.flatnonzero(frame.grounded)
+    diagonal = stiffness.diagonal()
+    grip = np.zeros_like(diagonal)
+    grip.reshape(-1, 6)[held] = HOLD * diagonal.mean()
+    stiffness.setdiag(diagonal + grip)
+    answers = factorise(stiffness).solve(loads.reshape(6 * frame.vertex_count, -1))
+    shift = answers.reshape(frame.vertex_count, 6, -1)[:, :3]
+    return answers / np.maximum(np.sqrt(np.square(shift).sum(axis=(0, 1)) / frame.vertex_count), 1e-30)
+
+
+def coarse_motions(elastic: ElasticFrame, cells: int) -> np.ndarray:
+    """Rigid motions and answers to smooth loads, (6V, M)."""
+    return np.concatenate([rigid_motions(elastic.frame.vertices), load_answers(elastic, cells)], axis=1)

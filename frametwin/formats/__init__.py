@@ -1,0 +1,106 @@
+"""Reading and writing wireframes in the formats of other programs and in FrameTwin's own.
+
+======================  ======  =======  ==========================================================
+format                  read    write    found by
+======================  ======  =======  ==========================================================
+frame.json              yes     yes      ``.json`` with ``"format": "frametwin-frame"``
+assembly, conmech JSON  yes     no       ``.json`` with ``node_list`` or ``nodes``
+RL3DP Node/Edge pair    yes     no       ``Node*.txt`` beside ``Edge*.txt`` (either, or both)
+Wavefront OBJ           yes     yes      ``.obj``: ``l`` lines, otherwise the edges of its faces
+meshes                  yes     no       ``.stl``, ``.ply``, ``.off``, ``.glb`` and what trimesh reads
+======================  ======  =======  ==========================================================
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from frametwin.errors import InputError
+from frametwin.files import PathLike, parse_json, read_text
+from frametwin.formats import assembly, frame_json, mesh, obj, rl3dp
+from frametwin.wireframe import Wireframe
+
+__all__ = ["read_frame", "write_frame"]
+
+_OWN_FILES = {
+    "frametwin-twin": "is a digital twin, not a frame",
+    "frametwin-capture": "holds the cameras of a capture, not a frame",
+}
+
+
+def read_frame(path: PathLike | tuple[PathLike, PathLike]) -> Wireframe:
+    """Read a wireframe, whatever the format.
+
+    Parameters
+    ----------
+    path
+        A file of one of the formats above; a folder that holds a ``frame.json`` (a capture, a run); or a
+        pair of RL3DP files in either order. Lengths come out in mm: files that state a unit are converted,
+        the others (RL3DP, OBJ, STL ...) are taken to be in mm.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, of no known format, or does not hold a valid frame.
+    """
+    if isinstance(path, tuple):
+        return rl3dp.read_pair(*path)
+    file = Path(path)
+    if file.is_dir():
+        file = file / "frame.json"
+    suffix = file.suffix.lower()
+    if not file.is_file():
+        raise InputError.at(file, "file", "the file does not exist", "check the name, or put the file there")
+    if suffix == ".obj":
+        return obj.read(file)
+    if suffix in (".json", ""):
+        return _read_json(file)
+    if rl3dp.is_name(file.name):
+        return rl3dp.read_pair(file, rl3dp.sibling(file))
+    if suffix in (".txt", ".csv", ".md"):
+        raise InputError.at(
+            file,
+            "file",
+            "is a text file of no known format",
+            "give a .json, an .obj, a mesh, or a pair of files named Node*.txt and Edge*.txt",
+        )
+    return mesh.read(file)
+
+
+def _read_json(path: Path) -> Wireframe:
+    data = parse_json(read_text(path), path)
+    if assembly.is_assembly(data):
+        return assembly.parse(data, path)
+    kind = data.get("format")
+    if isinstance(kind, str) and kind in _OWN_FILES:
+        raise InputError.at(path, "format", _OWN_FILES[kind], "give the frame.json that lies beside it")
+    if "frames" in data and "vertices" not in data:
+        raise InputError.at(
+            path, "file", "holds cameras, not a frame", "give the frame.json that lies beside it"
+        )
+    if kind is None and not {"vertices", "edges"} & set(data):
+        raise InputError.at(
+            path,
+            "file",
+            "is JSON without a frame in it",
+            "give a frame.json, or the nodes and elements of an assembly",
+        )
+    return frame_json.parse(data, path)
+
+
+def write_frame(path: PathLike, wireframe: Wireframe) -> None:
+    """Write a wireframe; the suffix of ``path`` names the format: ``.json`` keeps everything, ``.obj`` the
+    shape.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".json":
+        frame_json.write(path, wireframe)
+    elif suffix == ".obj":
+        obj.write(path, wireframe)
+    else:
+        raise InputError.at(path, "file", f"frames are not written as '{suffix}'", "name it .json or .obj")

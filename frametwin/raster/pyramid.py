@@ -1,0 +1,84 @@
+"""The captured silhouettes at several sizes, blurred as the rods are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import cv2
+import numpy as np
+
+from frametwin.cameras import Camera, packed
+
+PIXEL_VARIANCE = 1.0 / 12.0
+"""Of a square pixel, in pixels^2."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """All views at one size and blur, in one flat buffer.
+
+    Attributes
+    ----------
+    cameras : (N, 16) rows of `frametwin.cameras.packed` for this size.
+    shapes : (N, 2) height and width.
+    offsets : (N,) where each view starts.
+    spread : s of the rods in pixels, sqrt(1/12 + blur^2).
+    target : (pixels,) float32.
+    """
+
+    cameras: np.ndarray
+    shapes: np.ndarray
+    offsets: np.ndarray
+    spread: float
+    target: np.ndarray
+
+    def pictures(self, flat: np.ndarray) -> list[np.ndarray]:
+        """A flat buffer as one (H, W) view a camera."""
+        return [
+            flat[start : start + height * width].reshape(height, width)
+            for start, (height, width) in zip(self.offsets, self.shapes, strict=True)
+        ]
+
+
+class Pyramid:
+    """Masks that are reduced by area and blurred on demand.
+
+    Parameters
+    ----------
+    cameras
+        Without lens distortion.
+    masks
+        One (H, W) picture a camera, 0..1, of the camera's size.
+    """
+
+    def __init__(self, cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> None:
+        self.cameras = tuple(cameras)
+        self.masks = tuple(np.ascontiguousarray(mask, dtype=np.float32) for mask in masks)
+
+    def level(self, scale: float, blur: float) -> Level:
+        """The views at ``scale`` of their size, blurred by ``blur`` pixels of that size."""
+        cameras, pictures = [], []
+        for camera, mask in zip(self.cameras, self.masks, strict=True):
+            width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+            picture = (
+                mask if scale == 1.0 else cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
+            )
+            if blur > 0.0:
+                picture = cv2.GaussianBlur(picture, (0, 0), blur, borderType=cv2.BORDER_REPLICATE)
+            cameras.append(camera.resized(width, height))
+            pictures.append(picture)
+        shapes = np.array([picture.shape for picture in pictures], dtype=np.int64)
+        return Level(
+            cameras=packed(cameras),
+            shapes=shapes,
+            offsets=np.concatenate([[0], np.cumsum(shapes.prod(axis=1))[:-1]]),
+            spread=sqrt(PIXEL_VARIANCE + blur * blur),
+            target=np.concatenate([picture.ravel() for picture in pictures]).astype(np.float32, copy=False),
+        )
+
+    def pixels_per_mm(self, point: np.ndarray, scale: float = 1.0) -> float:
+        """Mean over the views of how many pixels a millimetre at the point (3,) covers."""
+        focal = np.array([0.5 * (c.fl_x + c.fl_y) / np.linalg.norm(c.centre - point) for c in self.cameras])
+        return float(scale * focal.mean())

@@ -1,0 +1,542 @@
+"""Compiled loops of the rod splatter: pieces of round rod, blurred by a Gaussian, over all views.
+
+A strut is a polyline of straight pieces. A pixel at the distance d from a piece's projected centreline is
+covered by
+
+    c(d) = Phi((r - d) / s) - Phi((-r - d) / s),
+
+with r the apparent half width in pixels, s^2 = 1/12 + blur^2 the spread of the pixel and of the blur that the
+target was given, and Phi the normal distribution function: the limit of ever denser anchored Gaussians, without
+their overshooting ends and tails. A joint is one disc, so that the struts that meet there do not each round off
+the same corner. With grey value 1 everywhere front-to-back blending telescopes (paper, Sec. V.D), so a picture is
+I = 1 - T with the transmittance T = prod(1 - alpha c), in any order.
+
+Geometry is in float64, pictures are float32. All views lie in one flat buffer: view v has its rows at
+``offset[v] + row * width``. Cameras are rows of :func:`frametwin.cameras.packed`. Everything is deterministic:
+threads share views when they write pictures and struts when they gather.
+"""
+
+from __future__ import annotations
+
+from math import ceil, erf, exp, floor, pi, sqrt
+
+import numba as nb
+import numpy as np
+
+REACH = 3.0
+"""Kernels end this many spreads s beyond the rod's edge, where the coverage is 0.0013."""
+
+OPAQUE = 0.9995
+"""Most that one kernel covers, so that its share can be divided out again."""
+
+DARK = 1e-6
+"""Least transmittance: below, numbers become denormal and the loops many times slower."""
+
+HIDDEN = 2e-3
+"""A kernel with less than this transmittance of the others above a pixel gathers nothing from it."""
+
+_RANGE = 6.0
+_BINS = 1536
+_Z = np.linspace(-_RANGE, _RANGE, _BINS + 1)
+_CDF = np.array([0.5 * (1.0 + erf(z / sqrt(2.0))) for z in _Z])
+_PDF = np.array([exp(-z * z / 2.0) / sqrt(2.0 * pi) for z in _Z])
+
+
+@nb.njit(inline="always")
+def _look(table, z):
+    x = (z + _RANGE) * (_BINS / (2.0 * _RANGE))
+    if x <= 0.0:
+        return table[0]
+    if x >= _BINS:
+        return table[_BINS]
+    i = int(x)
+    return table[i] + (x - i) * (table[i + 1] - table[i])
+
+
+@nb.njit(inline="always")
+def _coverage(d, r, s):
+    return _look(_CDF, (r - d) / s) - _look(_CDF, (-r - d) / s)
+
+
+@nb.njit(cache=True, fastmath=True)
+def _project(points, camera, out):
+    """Pixel x, y and depth of (P+1, 3) points into ``out``; False if one is behind the camera."""
+    seen = True
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        cx = camera[0] * x + camera[1] * y + camera[2] * z + camera[9]
+        cy = camera[3] * x + camera[4] * y + camera[5] * z + camera[10]
+        cz = camera[6] * x + camera[7] * y + camera[8] * z + camera[11]
+        if cz < 1e-6:
+            seen = False
+            cz = 1e-6
+        out[i, 0] = camera[12] * cx / cz + camera[14]
+        out[i, 1] = camera[13] * cy / cz + camera[15]
+        out[i, 2] = cz
+    return seen
+
+
+@nb.njit(inline="always")
+def _half_width(p, q, camera):
+    """Apparent half width in pixels, per mm of radius, of the round rod about p..q (rows x, y, depth).
+
+    A pixel's ray v meets an infinite cylinder when |v.N| <= r |v x t| / |x x t|, with N the unit normal of the
+    plane through the camera and the axis; at the piece itself |v x t| / |x x t| is one over the depth.
+    """
+    x0 = (p[0] - camera[14]) / camera[12] * p[2]
+    y0 = (p[1] - camera[15]) / camera[13] * p[2]
+    x1 = (q[0] - camera[14]) / camera[12] * q[2]
+    y1 = (q[1] - camera[15]) / camera[13] * q[2]
+    tx, ty, tz = x1 - x0, y1 - y0, q[2] - p[2]
+    nx = y0 * tz - p[2] * ty
+    ny = p[2] * tx - x0 * tz
+    nz = x0 * ty - y0 * tx
+    slope = sqrt((nx / camera[12]) ** 2 + (ny / camera[13]) ** 2)
+    return 2.0 / (p[2] + q[2]) * sqrt(nx * nx + ny * ny + nz * nz) / max(slope, 1e-12)
+
+
+@nb.njit(cache=True, fastmath=True)
+def _half_width_slope(p, q, camera, scale, slope_p, slope_q):
+    """Adds scale times the derivative of `_half_width` by the 3D points of p and q, in world axes."""
+    x0, y0, z0 = (p[0] - camera[14]) / camera[12] * p[2], (p[1] - camera[15]) / camera[13] * p[2], p[2]
+    x1, y1, z1 = (q[0] - camera[14]) / camera[12] * q[2], (q[1] - camera[15]) / camera[13] * q[2], q[2]
+    nx, ny, nz = y0 * z1 - z0 * y1, z0 * x1 - x0 * z1, x0 * y1 - y0 * x1
+    fx2, fy2 = camera[12] ** 2, camera[13] ** 2
+    flat = sqrt(nx * nx / fx2 + ny * ny / fy2)
+    full = sqrt(nx * nx + ny * ny + nz * nz)
+    if flat < 1e-12:
+        return
+    depth = z0 + z1
+    a, b = 2.0 / (depth * full * flat), 2.0 * full / (depth * flat**3)
+    gx, gy, gz = a * nx - b * nx / fx2, a * ny - b * ny / fy2, a * nz
+    by_depth = -2.0 * full / (depth * depth * flat)
+    px, py, pz = y1 * gz - z1 * gy, z1 * gx - x1 * gz, x1 * gy - y1 * gx + by_depth
+    qx, qy, qz = gy * z0 - gz * y0, gz * x0 - gx * z0, gx * y0 - gy * x0 + by_depth
+    for e in range(3):
+        slope_p[e] += scale * (px * camera[e] + py * camera[3 + e] + pz * camera[6 + e])
+        slope_q[e] += scale * (qx * camera[e] + qy * camera[3 + e] + qz * camera[6 + e])
+
+
+@nb.njit(cache=True, fastmath=True)
+def _cuts(line, cuts):
+    """Directions (P+1, 2) that divide the picture plane between neighbouring pieces: the bisectors of their turns.
+
+    Two pieces decide by the same line which of them a pixel belongs to, so that none is counted twice or never.
+    """
+    last = line.shape[0] - 1
+    before_x, before_y = 0.0, 0.0
+    for p in range(last + 1):
+        after_x, after_y = 0.0, 0.0
+        if p < last:
+            after_x, after_y = line[p + 1, 0] - line[p, 0], line[p + 1, 1] - line[p, 1]
+            length = sqrt(after_x * after_x + after_y * after_y)
+            if length > 1e-9:
+                after_x, after_y = after_x / length, after_y / length
+        cuts[p, 0], cuts[p, 1] = before_x + after_x, before_y + after_y
+        before_x, before_y = after_x, after_y
+
+
+@nb.njit(cache=True)
+def _cut_column(row, point, cut):
+    """The first column whose pixel in the row lies to the right of the dividing line through the point."""
+    if abs(cut[0]) < 1e-12:
+        return 0
+    x = point[0] - cut[1] * (row + 0.5 - point[1]) / cut[0] - 0.5
+    return int(ceil(min(max(x, -1e9), 1e9)))
+
+
+@nb.njit(inline="always")
+def _columns(row, p, q, cut_p, cut_q, tx, ty, reach, width):
+    """First and last column of the row that belong to the piece p..q and are within reach of its centreline."""
+    y = row + 0.5 - p[1]
+    left, right = 0, width - 1
+    if abs(ty) > 1e-12:  # |-ty x + tx y| <= reach
+        a, b = (tx * y - reach) / ty, (tx * y + reach) / ty
+        left = max(left, int(ceil(max(min(a, b) + p[0] - 0.5, -1e9))))
+        right = min(right, int(floor(min(max(a, b) + p[0] - 0.5, 1e9))))
+    elif abs(tx * y) > reach:
+        return 0, -1
+    for end in range(2):
+        point, cut = (p, cut_p) if end == 0 else (q, cut_q)
+        if abs(cut[0]) < 1e-12:
+            behind = cut[1] * (row + 0.5 - point[1]) < 0.0
+            if behind == (end == 0):
+                return 0, -1
+            continue
+        column = _cut_column(row, point, cut)
+        if (cut[0] > 0.0) == (end == 0):
+            left = max(left, column)
+        else:
+            right = min(right, column - 1)
+    return left, right
+
+
+@nb.njit(inline="always")
+def _rows(p, q, tx, reach, height):
+    low = min(p[1], q[1]) - reach * abs(tx)
+    high = max(p[1], q[1]) + reach * abs(tx)
+    return max(0, int(floor(max(low, -1e9) - 0.5))), min(height - 1, int(ceil(min(high, 1e9) - 0.5)))
+
+
+@nb.njit(cache=True, fastmath=True)
+def _joint(point, camera):
+    """Pixel x, y, depth of one point."""
+    x, y, z = point[0], point[1], point[2]
+    cx = camera[0] * x + camera[1] * y + camera[2] * z + camera[9]
+    cy = camera[3] * x + camera[4] * y + camera[5] * z + camera[10]
+    cz = camera[6] * x + camera[7] * y + camera[8] * z + camera[11]
+    if cz < 1e-6:
+        return 0.0, 0.0, -1.0
+    return camera[12] * cx / cz + camera[14], camera[13] * cy / cz + camera[15], cz
+
+
+@nb.njit(cache=True, fastmath=True)
+def _darken_piece(p, q, cut_p, cut_q, camera, radius, alpha, height, width, start, spread, transmittance):
+    ax, ay = p[0], p[1]
+    dx, dy = q[0] - ax, q[1] - ay
+    length = sqrt(dx * dx + dy * dy)
+    if length < 1e-9:
+        return
+    tx, ty = dx / length, dy / length
+    r = _half_width(p, q, camera) * radius
+    reach = r + REACH * spread
+    top, bottom = _rows(p, q, tx, reach, height)
+    for j in range(top, bottom + 1):
+        y = j + 0.5 - ay
+        left, right = _columns(j, p, q, cut_p, cut_q, tx, ty, reach, width)
+        at = start + j * width
+        for i in range(left, right + 1):
+            d = abs(-ty * (i + 0.5 - ax) + tx * y)
+            c = min(alpha * _coverage(d, r, spread), OPAQUE)
+            transmittance[at + i] = max(transmittance[at + i] * (1.0 - c), DARK)
+
+
+@nb.njit(parallel=True, cache=True, fastmath=True)
+def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offsets, spread, transmittance):
+    """Transmittance of all views.
+
+    points (E, P+1, 3), radius and opacity (E, P), joints (V, 3), joint_radius (V,) with 0 for none, cameras
+    (N, 16), shapes (N, 2) height and width, offsets (N,), spread in pixels, transmittance (pixels,) float32, out.
+    """
+    for v in nb.prange(cameras.shape[0]):
+        camera = cameras[v]
+        height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
+        for i in range(start, start + height * width):
+            transmittance[i] = 1.0
+        line, cuts = np.empty((points.shape[1], 3)), np.empty((points.shape[1], 2))
+        for k in range(points.shape[0]):
+            if not _project(points[k], camera, line):
+                continue
+            _cuts(line, cuts)
+            for p in range(points.shape[1] - 1):
+                if opacity[k, p] > 0.0:
+                    _darken_piece(
+                        line[p],
+                        line[p + 1],
+                        cuts[p],
+                        cuts[p + 1],
+                        camera,
+                        radius[k, p],
+                        opacity[k, p],
+                        height,
+                        width,
+                        start,
+                        spread,
+                        transmittance,
+                    )
+        for k in range(joints.shape[0]):
+            if joint_radius[k] <= 0.0:
+                continue
+            x, y, z = _joint(joints[k], camera)
+            if z < 0.0:
+                continue
+            r = 0.5 * (camera[12] + camera[13]) * joint_radius[k] / z
+            reach = r + REACH * spread
+            for j in range(
+                max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1
+            ):
+                at = start + j * width
+                for i in range(
+                    max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1
+                ):
+                    d = sqrt((i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2)
+                    if d <= reach:
+                        c = min(_coverage(d, r, spread), OPAQUE)
+                        transmittance[at + i] = max(transmittance[at + i] * (1.0 - c), DARK)
+
+
+@nb.njit(inline="always")
+def _pull(point, nx, ny, camera, m):
+    """Change of the pixel coordinate along (nx, ny) for a motion of the 3D point (row x, y, depth), into m (3,)."""
+    x = (point[0] - camera[14]) / camera[12]
+    y = (point[1] - camera[15]) / camera[13]
+    a = nx * camera[12] / point[2]
+    b = ny * camera[13] / point[2]
+    c = -(a * x + b * y)
+    for e in range(3):
+        m[e] = a * camera[e] + b * camera[3 + e] + c * camera[6 + e]
+
+
+@nb.njit(cache=True, fastmath=True)
+def _gather_edge(
+    p, q, cut_p, cut_q, camera, radius, alpha, height, width, start, spread, transmittance, residual, sums
+):
+    """Moments over the pixels of one piece, into sums: (1-t)^2 w, t(1-t) w, t^2 w, (1-t) g, t g, and for the
+    radius w and g, with w the squared and g the residual-weighted derivative of the picture."""
+    for i in range(7):
+        sums[i] = 0.0
+    ax, ay = p[0], p[1]
+    dx, dy = q[0] - ax, q[1] - ay
+    length = sqrt(dx * dx + dy * dy)
+    if length < 1e-9:
+        return False
+    tx, ty = dx / length, dy / length
+    unit = _half_width(p, q, camera)
+    r = unit * radius
+    reach = r + REACH * spread
+    core = r - REACH * spread  # inside, the coverage is flat and tells nothing of the place
+    top, bottom = _rows(p, q, tx, reach, height)
+    for j in range(top, bottom + 1):
+        y = j + 0.5 - ay
+        left, right = _columns(j, p, q, cut_p, cut_q, tx, ty, reach, width)
+        at = start + j * width
+        for i in range(left, right + 1):
+            x = i + 0.5 - ax
+            signed = -ty * x + tx * y
+            d = abs(signed)
+            if d < core:
+                continue
+            through = transmittance[at + i]
+            za, zb = (r - d) / spread, (r + d) / spread
+            c = min(alpha * (_look(_CDF, za) - _look(_CDF, -zb)), OPAQUE)
+            others = min(through / (1.0 - c), 1.0)
+            if others < HIDDEN:
+                continue
+            near, far = _look(_PDF, za), _look(_PDF, zb)
+            slope = others * alpha / spread
+            by_place = slope * (far - near)
+            if signed < 0.0:
+                by_place = -by_place
+            t = (tx * x + ty * y) / length
+            w = by_place * by_place
+            g = residual[at + i] * by_place
+            sums[0] += w * (1.0 - t) * (1.0 - t)
+            sums[1] += w * t * (1.0 - t)
+            sums[2] += w * t * t
+            sums[3] -= g * (1.0 - t)
+            sums[4] -= g * t
+            by_radius = slope * (near + far) * unit
+            sums[5] += by_radius * by_radius
+            sums[6] += residual[at + i] * by_radius
+    return True
+
+
+@nb.njit(parallel=True, cache=True, fastmath=True)
+def gather_struts(
+    points,
+    radius,
+    opacity,
+    cameras,
+    shapes,
+    offsets,
+    spread,
+    transmittance,
+    residual,
+    basis,
+    hessian,
+    gradient,
+    widths,
+):
+    """Gauss-Newton terms of half the squared residual for every strut's control points, all views summed.
+
+    residual is 1 - T - target for that; with the derivative of any other loss by the picture in its place, the
+    gradient is that loss's.
+
+    basis (P+1, 4) gives the polyline's points from the control points. hessian (E, 12, 12), gradient (E, 12) and
+    widths (E, P, 2), curvature and slope by each piece's radius, are overwritten. Pixels that several struts
+    cover couple them only through the transmittance; the small cross terms are left out.
+    """
+    pieces = points.shape[1] - 1
+    for k in nb.prange(points.shape[0]):
+        line, cuts = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2))
+        sums = np.empty(7)
+        pull_a, pull_b = np.empty(3), np.empty(3)
+        slope = np.zeros((pieces + 1, 3))
+        own = np.zeros((pieces + 1, 3, 3))
+        cross = np.zeros((pieces, 3, 3))
+        for p in range(pieces):
+            widths[k, p, 0] = 0.0
+            widths[k, p, 1] = 0.0
+        for v in range(cameras.shape[0]):
+            camera = cameras[v]
+            if not _project(points[k], camera, line):
+                continue
+            _cuts(line, cuts)
+            for p in range(pieces):
+                if opacity[k, p] <= 0.0:
+                    continue
+                if not _gather_edge(
+                    line[p],
+                    line[p + 1],
+                    cuts[p],
+                    cuts[p + 1],
+                    camera,
+                    radius[k, p],
+                    opacity[k, p],
+                    shapes[v, 0],
+                    shapes[v, 1],
+                    offsets[v],
+                    spread,
+                    transmittance,
+                    residual,
+                    sums,
+                ):
+                    continue
+                widths[k, p, 0] += sums[5]
+                widths[k, p, 1] += sums[6]
+                dx, dy = line[p + 1, 0] - line[p, 0], line[p + 1, 1] - line[p, 1]
+                length = sqrt(dx * dx + dy * dy)
+                _pull(line[p], -dy / length, dx / length, camera, pull_a)
+                _pull(line[p + 1], -dy / length, dx / length, camera, pull_b)
+                unit = _half_width(line[p], line[p + 1], camera)
+                _half_width_slope(
+                    line[p], line[p + 1], camera, sums[6] * radius[k, p] / unit, slope[p], slope[p + 1]
+                )
+                for a in range(3):
+                    slope[p, a] += sums[3] * pull_a[a]
+                    slope[p + 1, a] += sums[4] * pull_b[a]
+                    for b in range(3):
+                        own[p, a, b] += sums[0] * pull_a[a] * pull_a[b]
+                        own[p + 1, a, b] += sums[2] * pull_b[a] * pull_b[b]
+                        cross[p, a, b] += sums[1] * pull_a[a] * pull_b[b]
+        _to_control_points(basis, own, cross, slope, hessian[k], gradient[k])
+
+
+@nb.njit(cache=True, fastmath=True)
+def _to_control_points(basis, own, cross, slope, hessian, gradient):
+    for a in range(12):
+        gradient[a] = 0.0
+        for b in range(12):
+            hessian[a, b] = 0.0
+    last = basis.shape[0] - 1
+    for p in range(last + 1):
+        for a in range(4):
+            for x in range(3):
+                gradient[3 * a + x] += basis[p, a] * slope[p, x]
+            for b in range(4):
+                f = basis[p, a] * basis[p, b]
+                for x in range(3):
+                    for y in range(3):
+                        hessian[3 * a + x, 3 * b + y] += f * own[p, x, y]
+                if p < last:
+                    f1 = basis[p, a] * basis[p + 1, b]
+                    f2 = basis[p + 1, a] * basis[p, b]
+                    for x in range(3):
+                        for y in range(3):
+                            hessian[3 * a + x, 3 * b + y] += f1 * cross[p, x, y] + f2 * cross[p, y, x]
+
+
+@nb.njit(parallel=True, cache=True, fastmath=True)
+def gather_joints(
+    joints, joint_radius, cameras, shapes, offsets, spread, transmittance, residual, hessian, gradient
+):
+    """Gauss-Newton terms of the joints' discs: hessian (V, 3, 3) and gradient (V, 3) are overwritten."""
+    for k in nb.prange(joints.shape[0]):
+        for a in range(3):
+            gradient[k, a] = 0.0
+            for b in range(3):
+                hessian[k, a, b] = 0.0
+        if joint_radius[k] <= 0.0:
+            continue
+        row = np.empty(3)
+        mx, my = np.empty(3), np.empty(3)
+        for v in range(cameras.shape[0]):
+            camera = cameras[v]
+            height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
+            x, y, z = _joint(joints[k], camera)
+            if z < 0.0:
+                continue
+            row[0], row[1], row[2] = x, y, z
+            _pull(row, 1.0, 0.0, camera, mx)
+            _pull(row, 0.0, 1.0, camera, my)
+            r = 0.5 * (camera[12] + camera[13]) * joint_radius[k] / z
+            reach = r + REACH * spread
+            hxx, hxy, hyy, gx, gy = 0.0, 0.0, 0.0, 0.0, 0.0
+            for j in range(
+                max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1
+            ):
+                at = start + j * width
+                for i in range(
+                    max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1
+                ):
+                    ex, ey = i + 0.5 - x, j + 0.5 - y
+                    d = sqrt(ex * ex + ey * ey)
+                    if d > reach or d < 1e-9:
+                        continue
+                    through = transmittance[at + i]
+                    za, zb = (r - d) / spread, (r + d) / spread
+                    c = min(_look(_CDF, za) - _look(_CDF, -zb), OPAQUE)
+                    others = min(through / (1.0 - c), 1.0)
+                    if others < HIDDEN:
+                        continue
+                    by_place = others * (_look(_PDF, zb) - _look(_PDF, za)) / spread
+                    ux, uy = -ex / d * by_place, -ey / d * by_place
+                    hxx += ux * ux
+                    hxy += ux * uy
+                    hyy += uy * uy
+                    gx += residual[at + i] * ux
+                    gy += residual[at + i] * uy
+            for a in range(3):
+                gradient[k, a] += gx * mx[a] + gy * my[a]
+                for b in range(3):
+                    hessian[k, a, b] += (
+                        hxx * mx[a] * mx[b] + hxy * (mx[a] * my[b] + my[a] * mx[b]) + hyy * my[a] * my[b]
+                    )
+
+
+@nb.njit(parallel=True, cache=True, fastmath=True)
+def gather_opacity(
+    points, radius, opacity, cameras, shapes, offsets, spread, transmittance, residual, evidence
+):
+    """What the pictures say of each piece's presence.
+
+    evidence (E, P, 2), out: the squared weight W = sum (T_others c)^2 and the slope sum residual T_others c, so
+    that opacity - slope / W is the least-squares opacity and W, in pixels, how much of the piece is in plain view.
+    """
+    pieces = points.shape[1] - 1
+    for k in nb.prange(points.shape[0]):
+        line, cuts = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2))
+        for p in range(pieces):
+            evidence[k, p, 0] = 0.0
+            evidence[k, p, 1] = 0.0
+        for v in range(cameras.shape[0]):
+            camera = cameras[v]
+            height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
+            if not _project(points[k], camera, line):
+                continue
+            _cuts(line, cuts)
+            for p in range(pieces):
+                a, b = line[p], line[p + 1]
+                dx, dy = b[0] - a[0], b[1] - a[1]
+                length = sqrt(dx * dx + dy * dy)
+                if length < 1e-9:
+                    continue
+                tx, ty = dx / length, dy / length
+                r = _half_width(a, b, camera) * radius[k, p]
+                reach = r + REACH * spread
+                top, bottom = _rows(a, b, tx, reach, height)
+                weight, slope = 0.0, 0.0
+                for j in range(top, bottom + 1):
+                    y = j + 0.5 - a[1]
+                    left, right = _columns(j, a, b, cuts[p], cuts[p + 1], tx, ty, reach, width)
+                    at = start + j * width
+                    for i in range(left, right + 1):
+                        c = _coverage(abs(-ty * (i + 0.5 - a[0]) + tx * y), r, spread)
+                        through = transmittance[at + i]
+                        others = min(through / (1.0 - min(opacity[k, p] * c, OPAQUE)), 1.0)
+                        if others < HIDDEN:
+                            continue
+                        weight += (others * c) ** 2
+                        slope += residual[at + i] * others * c
+                evidence[k, p, 0] += weight
+                evidence[k, p, 1] += slope

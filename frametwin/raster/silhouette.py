@@ -1,0 +1,164 @@
+"""Exact silhouettes of round struts, without a renderer.
+
+A pixel is white when the ray through its centre passes within a strut's radius of the strut's centreline: the
+outline of a sphere swept along the curve, perspective and all. The curve is a polyline so fine that its chords
+leave it by far less than a pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, floor
+
+import numba as nb
+import numpy as np
+
+from frametwin import bezier
+from frametwin.cameras import Camera, packed
+from frametwin.errors import InputError
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.wireframe import Wireframe
+
+CHORDS = 32
+"""Straight pieces of a curved strut; a straight strut takes one."""
+
+STRAIGHT = 1e-9
+"""A strut is straight when its control points leave the chord by less than this share of its length."""
+
+
+@nb.njit(cache=True)
+def _near(rx, ry, a, b, limit):
+    """Whether the ray (rx, ry, 1) from the origin passes the segment a..b within sqrt(limit)."""
+    ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    dd = rx * rx + ry * ry + 1.0
+    de = rx * ex + ry * ey + ez
+    ee = ex * ex + ey * ey + ez * ez
+    da = rx * a[0] + ry * a[1] + a[2]
+    ea = ex * a[0] + ey * a[1] + ez * a[2]
+    det = dd * ee - de * de
+    t = 0.0
+    if det > 1e-18 * dd * ee:
+        t = min(1.0, max(0.0, (de * da - dd * ea) / det))
+    x, y, z = a[0] + t * ex, a[1] + t * ey, a[2] + t * ez
+    along = (rx * x + ry * y + z) / dd
+    return (x - along * rx) ** 2 + (y - along * ry) ** 2 + (z - along) ** 2 <= limit
+
+
+@nb.njit(parallel=True, cache=True)
+def _fill(starts, ends, radius, camera, picture):
+    """White into picture (H, W) uint8 for pieces (S, 3), bands of rows in parallel; camera as `packed`."""
+    height, width = picture.shape
+    bands = 16
+    rotation = camera[:9].reshape(3, 3)
+    shift = camera[9:12]
+    for band in nb.prange(bands):
+        first, last = band * height // bands, (band + 1) * height // bands - 1
+        a, b = np.empty(3), np.empty(3)
+        for k in range(starts.shape[0]):
+            for e in range(3):
+                a[e], b[e] = shift[e], shift[e]
+                for f in range(3):
+                    a[e] += rotation[e, f] * starts[k, f]
+                    b[e] += rotation[e, f] * ends[k, f]
+            r = radius[k]
+            if min(a[2], b[2]) <= r:
+                continue
+            x0 = min((a[0] - r) / a[2], (b[0] - r) / b[2])
+            x1 = max((a[0] + r) / a[2], (b[0] + r) / b[2])
+            y0 = min((a[1] - r) / a[2], (b[1] - r) / b[2])
+            y1 = max((a[1] + r) / a[2], (b[1] + r) / b[2])
+            # A sphere's outline reaches a little further than its centre plus r / z; a tenth of r is plenty.
+            spare = (
+                0.1
+                * r
+                / min(a[2], b[2])
+                * (1.0 + max(max(abs(x0), abs(x1)), max(abs(y0), abs(y1))) ** 2)
+                * 5.0
+            )
+            left = max(0, int(floor((x0 - spare) * camera[12] + camera[14] - 0.5)))
+            right = min(width - 1, int(ceil((x1 + spare) * camera[12] + camera[14] - 0.5)))
+            top = max(first, int(floor((y0 - spare) * camera[13] + camera[15] - 0.5)))
+            bottom = min(last, int(ceil((y1 + spare) * camera[13] + camera[15] - 0.5)))
+            for j in range(top, bottom + 1):
+                ry = (j + 0.5 - camera[15]) / camera[13]
+                for i in range(left, right + 1):
+                    if picture[j, i] == 0 and _near((i + 0.5 - camera[14]) / camera[12], ry, a, b, r * r):
+                        picture[j, i] = 255
+
+
+def silhouettes(
+    frame: Wireframe,
+    cameras: Sequence[Camera],
+    *,
+    present: np.ndarray | None = None,
+    supersampling: int = 1,
+    progress: ProgressCallback | None = None,
+) -> list[np.ndarray]:
+    """Pictures of the printed struts, white on black.
+
+    Parameters
+    ----------
+    frame
+        Its printed struts are seen; curves and radius in mm.
+    cameras
+        Without lens distortion.
+    present
+        (E, 2) interval of the curve parameter at which each strut is really there; all of it by default.
+    supersampling
+        Samples along each side of a pixel. With 1 the picture holds 0 and 255 only.
+    progress
+        Called once a view; can cancel.
+
+    Returns
+    -------
+    One (H, W) uint8 picture a camera.
+
+    Raises
+    ------
+    InputError
+        For cameras with lens distortion.
+    Cancelled
+        If ``progress`` says so.
+    """
+    starts, ends, radius = _pieces(frame, present)
+    pictures = []
+    for i, camera in enumerate(cameras):
+        report(progress, Progress("silhouettes", i, len(cameras)))
+        if camera.has_distortion:
+            raise InputError.at(
+                camera.name,
+                "distortion",
+                "silhouettes are drawn by pinhole cameras",
+                "use camera.without_distortion()",
+            )
+        fine = camera.resized(camera.width * supersampling, camera.height * supersampling)
+        picture = np.zeros((fine.height, fine.width), dtype=np.uint8)
+        _fill(starts, ends, radius, packed([fine])[0], picture)
+        if supersampling > 1:
+            blocks = picture.reshape(camera.height, supersampling, camera.width, supersampling)
+            picture = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+        pictures.append(picture)
+    report(progress, Progress("silhouettes", len(cameras), len(cameras)))
+    return pictures
+
+
+def _pieces(frame: Wireframe, present: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Straight pieces (S, 3), (S, 3) and their radius (S,)."""
+    interval = (
+        np.tile([0.0, 1.0], (frame.strut_count, 1)) if present is None else np.asarray(present, dtype=float)
+    )
+    there = frame.printed & (interval[:, 1] > interval[:, 0])
+    control, interval, radius = frame.control_points[there], interval[there], frame.radius[there]
+    thirds = np.linspace(control[:, 0], control[:, 3], 4, axis=1)
+    bend = np.abs(control - thirds).max(axis=(1, 2), initial=0.0)
+    straight = bend < STRAIGHT * np.linalg.norm(control[:, 3] - control[:, 0], axis=1)
+    starts, ends, widths = [], [], []
+    for chosen, count in ((straight, 1), (~straight, CHORDS)):
+        share = np.linspace(0.0, 1.0, count + 1)
+        u = interval[chosen, :1] + share * np.diff(interval[chosen], axis=1)  # (S, count + 1)
+        basis = bezier.bernstein(3, u.ravel()).reshape(*u.shape, 4)
+        points = np.einsum("sjb,sbx->sjx", basis, control[chosen])
+        starts.append(points[:, :-1].reshape(-1, 3))
+        ends.append(points[:, 1:].reshape(-1, 3))
+        widths.append(np.repeat(radius[chosen], count))
+    return np.concatenate(starts), np.concatenate(ends), np.concatenate(widths)

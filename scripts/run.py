@@ -1,0 +1,297 @@
+"""Set FrameTwin up and run it, with nothing but Python: ``python3 scripts/run.py demo`` or ``... test``.
+
+The first call makes a virtual environment and installs the exact versions of constraints.txt; later calls
+find them there and start at once. Standard library only; Linux, macOS and Windows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+OLDEST, NEWEST = (3, 11), (3, 13)
+STAMP = "frametwin-setup.json"
+CPU_INDEX = "https://download.pytorch.org/whl/cpu"
+BLENDER_PACKAGES = ("libxrender1", "libxfixes3", "libxi6", "libxkbcommon0", "libsm6", "libgl1", "libegl1")
+
+TASKS = {
+    "demo": "run a frame of the project through simulate, fit and evaluate, into out/demo",
+    "test": "lint, then the tests",
+    "lint": "ruff check and ruff format --check",
+    "setup": "only make the virtual environment and install",
+}
+
+
+class SetupError(Exception):
+    """Something that the user has to put right, in plain words."""
+
+
+def main(arguments: list[str]) -> int:
+    """Set up where needed, run the task, return its exit code."""
+    own, extra = split_arguments(arguments)
+    options = parser().parse_args(own)
+    try:
+        venv = Path(os.environ.get("FRAMETWIN_VENV") or ROOT / ".venv").absolute()
+        python = set_up(venv, {"test", "blender"} if options.blender else {"test"}, options.torch_index)
+        return run_task(options.task, python, extra)
+    except SetupError as error:
+        print(f"\nFrameTwin cannot be set up: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\nInterrupted.", file=sys.stderr)
+        return 130
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options of this script; whatever follows ``--`` belongs to the task."""
+    tasks = "\n".join(f"  {name:6} {text}" for name, text in TASKS.items())
+    result = argparse.ArgumentParser(
+        prog="run.py",
+        description="Set FrameTwin up in a virtual environment of its own, then run a task in it.",
+        epilog=f"tasks:\n{tasks}\n\nexample: python3 scripts/run.py test -- -k cameras\n\n"
+        "The environment is .venv beside this project, or the folder named by FRAMETWIN_VENV.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    result.add_argument("task", choices=TASKS, metavar="task", help="demo, test, lint or setup")
+    result.add_argument(
+        "--torch-index",
+        metavar="URL",
+        help=f"also look for PyTorch here, e.g. {CPU_INDEX} for the small CPU build",
+    )
+    result.add_argument(
+        "--blender", action="store_true", help="also install Blender as a Python module (bpy)"
+    )
+    return result
+
+
+def split_arguments(arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Cut at the first ``--``: options of this script, and arguments of the task."""
+    at = arguments.index("--") if "--" in arguments else len(arguments)
+    return arguments[:at], arguments[at + 1 :]
+
+
+# --- Python and its virtual environment
+
+
+def suits(version: tuple[int, ...]) -> bool:
+    """Whether FrameTwin runs on this version of Python."""
+    return OLDEST <= tuple(version[:2]) <= NEWEST
+
+
+def find_python() -> str:
+    """This interpreter if its version suits, otherwise the newest one on the PATH that does."""
+    if suits(sys.version_info):
+        return sys.executable
+    for minor in range(NEWEST[1], OLDEST[1] - 1, -1):
+        found = shutil.which(f"python3.{minor}")
+        if found:
+            return found
+    raise SetupError(
+        f"it needs Python {OLDEST[0]}.{OLDEST[1]} to {NEWEST[0]}.{NEWEST[1]}, and this is Python "
+        f"{platform.python_version()}. Install one of those and start the script with it."
+    )
+
+
+def venv_python(venv: Path, windows: bool = os.name == "nt") -> Path:
+    """The interpreter of a virtual environment."""
+    return venv / "Scripts" / "python.exe" if windows else venv / "bin" / "python"
+
+
+def make_venv(venv: Path) -> Path:
+    """Make the virtual environment unless it is there and works."""
+    python = venv_python(venv)
+    if python.exists() and succeeds([python, "-m", "pip", "--version"]):
+        version = json.loads(
+            output([python, "-c", "import json, sys; print(json.dumps(sys.version_info[:2]))"])
+        )
+        if not suits(tuple(version)):
+            raise SetupError(
+                f"the virtual environment {venv} has Python {version[0]}.{version[1]}, which does not suit. "
+                "Delete the folder, or name another one by FRAMETWIN_VENV."
+            )
+        return python
+    if venv.exists() and not (venv / "pyvenv.cfg").exists() and (venv.is_file() or any(venv.iterdir())):
+        raise SetupError(f"{venv} is in the way: it is not a virtual environment. Name another folder.")
+    base = find_python()
+    say(f"Making the virtual environment {venv}")
+    if not succeeds([base, "-c", "import ensurepip, venv"]):
+        minor = output([base, "-c", "import sys; print(sys.version_info[1])"]).strip()
+        install_debian_packages([f"python3.{minor}-venv"], f"{base} cannot make virtual environments")
+    if call([base, "-m", "venv", "--clear", venv]) != 0:
+        raise SetupError(f"the virtual environment {venv} could not be made; the reason is above.")
+    return python
+
+
+# --- What is installed
+
+
+def set_up(venv: Path, extras: set[str], torch_index: str | None) -> Path:
+    """Make the environment and install what is missing; returns its interpreter."""
+    python = make_venv(venv)
+    stamp = venv / STAMP
+    version = output([python, "-c", "import sys; print(sys.version)"]).strip()
+    key, done = fingerprint(ROOT, version), read_stamp(stamp)
+    if done.get("key") == key and extras <= set(done.get("extras", [])):
+        return python
+    extras = extras | set(done.get("extras", []))
+    if "blender" in extras:
+        check_blender(version)
+    stamp.unlink(missing_ok=True)
+    pip = [
+        python,
+        "-m",
+        "pip",
+        "install",
+        "--disable-pip-version-check",
+        "--no-input",
+        "-c",
+        "constraints.txt",
+    ]
+    torch = pinned("torch", (ROOT / "constraints.txt").read_text(encoding="utf-8"))
+    say(f"Installing {torch}")
+    if torch_index is None and sys.platform == "linux":
+        print(f"(If pip takes the CUDA build, some gigabytes: --torch-index {CPU_INDEX})", flush=True)
+    # First and alone: a CPU build that pip is told to look for is taken, and that place gives nothing else.
+    install([*pip, torch, *(["--extra-index-url", torch_index] if torch_index else [])], "PyTorch")
+    say("Installing FrameTwin and the other packages it needs")
+    install([*pip, "-e", f".[{','.join(sorted(extras))}]"], "FrameTwin")
+    stamp.write_text(json.dumps({"key": key, "extras": sorted(extras)}) + "\n", encoding="utf-8")
+    return python
+
+
+def fingerprint(root: Path, python_version: str) -> str:
+    """Changes when an installed environment no longer fits the project."""
+    digest = hashlib.sha256()
+    for name in ("pyproject.toml", "constraints.txt"):
+        digest.update((root / name).read_bytes())
+    digest.update(f"{root}\n{python_version}".encode())
+    return digest.hexdigest()
+
+
+def read_stamp(stamp: Path) -> dict:
+    """What the last set-up noted; empty when there was none or it was cut off."""
+    try:
+        noted = json.loads(stamp.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+    return noted if isinstance(noted, dict) else {}
+
+
+def pinned(package: str, constraints: str) -> str:
+    """The line ``package==version`` of the constraints."""
+    found = re.search(rf"^{re.escape(package)}==[^\s;]+", constraints, re.MULTILINE)
+    if found is None:
+        raise SetupError(f"constraints.txt names no version of {package}.")
+    return found.group()
+
+
+def install(command: list, what: str) -> None:
+    """Run pip, or say what may be wrong."""
+    if call(command) != 0:
+        raise SetupError(
+            f"pip could not install {what}; its last lines above say why. Without a network pip finds no "
+            "packages; HTTPS_PROXY names a proxy, PIP_INDEX_URL another package index. The next call goes on "
+            "from here."
+        )
+
+
+# --- Packages of Debian and Ubuntu
+
+
+def check_blender(python_version: str) -> None:
+    """Make sure that Blender's module can be installed and loaded here."""
+    if python_version.startswith("3.12."):
+        raise SetupError("Blender's module needs Python 3.11 (Blender 4.5) or 3.13 (Blender 5.2), not 3.12.")
+    if sys.platform == "linux" and shutil.which("dpkg-query"):
+        missing = [name for name in BLENDER_PACKAGES if not has_debian_package(name)]
+        if missing:
+            install_debian_packages(missing, "Blender's module needs system libraries")
+
+
+def has_debian_package(name: str) -> bool:
+    """Whether the package manager has it installed."""
+    query = subprocess.run(
+        ["dpkg-query", "-W", "-f=${Status}", name],
+        capture_output=True,
+        text=True,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+    return query.returncode == 0 and query.stdout.endswith(" installed")
+
+
+def install_debian_packages(packages: list[str], reason: str) -> None:
+    """Install packages where this user may; otherwise name them in one command."""
+    names = " ".join(packages)
+    if not shutil.which("apt-get"):
+        raise SetupError(f"{reason}. On Debian and Ubuntu the packages {names} bring what is missing.")
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        raise SetupError(f"{reason}. Install what is missing and try again:\n  sudo apt-get install {names}")
+    say(f"Installing the Debian packages {names}")
+    quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    call(["apt-get", "update"], quiet)  # an index that cannot be reached need not be the one that is needed
+    if call(["apt-get", "install", "-y", "--no-install-recommends", *packages], quiet) != 0:
+        raise SetupError(f"{reason}, and apt-get could not install {names}; the reason is above.")
+
+
+# --- Tasks
+
+
+def task_commands(task: str, extra: list[str]) -> list[list[str]]:
+    """Modules to run one after the other, each with its arguments."""
+    lint = [["ruff", "check", "."], ["ruff", "format", "--check", "."]]
+    return {
+        "demo": [["frametwin", "demo", "--out", "out/demo", *extra]],
+        "test": [*lint, ["pytest", *extra]],
+        "lint": lint,
+        "setup": [],
+    }[task]
+
+
+def run_task(task: str, python: Path, extra: list[str]) -> int:
+    """Run all parts of a task; the exit code is that of the last part that failed, 0 if none did."""
+    code = 0
+    for command in task_commands(task, extra):
+        say(" ".join(command))
+        code = call([python, "-m", *command]) or code
+    return code
+
+
+# --- Processes
+
+
+def say(step: str) -> None:
+    """Announce a step."""
+    print(f"\n==> {step}", flush=True)
+
+
+def call(command: list, environment: dict | None = None) -> int:
+    """Run a program in the project's folder, its output on the terminal; the exit code is a shell's."""
+    words = [str(word) for word in command]
+    code = subprocess.run(words, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, check=False).returncode
+    return 128 - code if code < 0 else code
+
+
+def succeeds(command: list) -> bool:
+    """Run a program without showing its output."""
+    words = [str(word) for word in command]
+    return subprocess.run(words, capture_output=True, stdin=subprocess.DEVNULL, check=False).returncode == 0
+
+
+def output(command: list) -> str:
+    """What a program prints."""
+    words = [str(word) for word in command]
+    return subprocess.run(words, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=True).stdout
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
