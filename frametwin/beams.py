@@ -180,10 +180,7 @@ def assemble(stiffness: np.ndarray, edges: np.ndarray, node_count: int) -> spars
 def assemble_loads(loads: np.ndarray, edges: np.ndarray, node_count: int) -> np.ndarray:
     """Sum element loads (N, 12) between the nodes ``edges`` (N, 2) into (V, 6) nodal forces and moments."""
     return np.stack(
-        [
-            np.bincount(edges.ravel(), weights=loads.reshape(-1, 6)[:, k], minlength=node_count)
-            for k in range(6)
-        ],
+        [np.bincount(edges.ravel(), weights=loads.reshape(-1, 6)[:, k], minlength=node_count) for k in range(6)],
         axis=1,
     )
 

@@ -43,9 +43,7 @@ def blend(
     """
     held = frame.printed_vertices()
     vertices = np.where(held[:, None], twin_vertices, frame.vertices)
-    control_points = np.array(
-        np.where(frame.printed[:, None, None], twin_control_points, frame.control_points)
-    )
+    control_points = np.array(np.where(frame.printed[:, None, None], twin_control_points, frame.control_points))
     moving = np.flatnonzero(~frame.printed & held[frame.edges].any(axis=1))
     if len(moving):
         control_points[moving] = _moved(frame, vertices, held, moving, displacement)

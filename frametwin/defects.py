@@ -9,9 +9,7 @@ from frametwin.errors import InputError
 from frametwin.wireframe import Wireframe
 
 
-def drop_struts(
-    frame: Wireframe, count: int, seed: int = 0, *, share: float = 0.5
-) -> tuple[np.ndarray, np.ndarray]:
+def drop_struts(frame: Wireframe, count: int, seed: int = 0, *, share: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """Choose printed struts at random and say how much of each is there.
 
     A strut that is partly missing broke off or stopped short: one piece from one of its ends is left, chosen

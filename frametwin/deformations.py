@@ -104,14 +104,10 @@ def smooth_warp(frame: Wireframe, peak: float, seed: int = 0) -> Wireframe:
     if not largest > 0.0:
         raise InputError.at(frame.name, "grounded", "holds every strut still", "ground fewer vertices")
     scale = peak / largest
-    return frame.replace(
-        vertices=frame.vertices + scale * moved, control_points=frame.control_points + scale * change
-    )
+    return frame.replace(vertices=frame.vertices + scale * moved, control_points=frame.control_points + scale * change)
 
 
-def tip_load(
-    frame: Wireframe, settings: SagSettings | None = None, *, direction_deg: float = 0.0
-) -> Wireframe:
+def tip_load(frame: Wireframe, settings: SagSettings | None = None, *, direction_deg: float = 0.0) -> Wireframe:
     """Push the top of the print sideways, as a dragging nozzle or a draught would; its weight is left out.
 
     Parameters
@@ -152,9 +148,7 @@ def tip_load(
     top = height[printed].max() - TOP_SHARE * np.ptp(height[printed])
     pushed = printed & ~frame.grounded & (height >= top)
     if not pushed.any():
-        raise InputError.at(
-            frame.name, "grounded", "holds the top of the print", "ground only vertices at its base"
-        )
+        raise InputError.at(frame.name, "grounded", "holds the top of the print", "ground only vertices at its base")
     loads = np.zeros((frame.vertex_count, 6))
     angle = np.radians(direction_deg)
     loads[pushed, :2] = np.array([np.cos(angle), np.sin(angle)]) / pushed.sum()

@@ -47,7 +47,8 @@ class SagSettings:
     engine
         Who solves the equations: ``"pynite"`` (PyNiteFEA), ``"sparse"`` (`frametwin.stiffness`; the same to
         about ten digits) or ``"auto"``, PyNite for up to 5,000 beams and the other above. PyNite welds
-        a strut to every joint that lies exactly on it; frames with such joints go to the other too.
+        a strut to every joint that lies exactly on it; frames with such joints go to the other too;
+        so does, with ``"auto"``, everything where PyNite cannot be loaded.
 
     Raises
     ------
@@ -73,9 +74,7 @@ class SagSettings:
         if self.pieces < 1:
             raise InputError.at("settings", "pieces", f"is {self.pieces}", "give a whole number above 0")
         if self.engine not in ENGINES:
-            raise InputError.at(
-                "settings", "engine", f"is {self.engine!r}", f"give one of {', '.join(ENGINES)}"
-            )
+            raise InputError.at("settings", "engine", f"is {self.engine!r}", f"give one of {', '.join(ENGINES)}")
 
     def peak_of(self, frame: Wireframe) -> float:
         """Largest displacement in mm for ``frame``."""
@@ -101,9 +100,7 @@ class Sag:
     unhardened: np.ndarray
 
 
-def sag(
-    frame: Wireframe, settings: SagSettings | None = None, progress: ProgressCallback | None = None
-) -> Wireframe:
+def sag(frame: Wireframe, settings: SagSettings | None = None, progress: ProgressCallback | None = None) -> Wireframe:
     """Let the printed part of a frame sag under its own weight.
 
     The printed struts are Euler-Bernoulli beams, grounded vertices are clamped, and the linear result is

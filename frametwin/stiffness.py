@@ -47,9 +47,7 @@ class Material:
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError.at("material", field, f"is {value}", "give a number above 0")
         if not -1.0 < self.poisson < 0.5:
-            raise InputError.at(
-                "material", "poisson", f"is {self.poisson}", "give a number between -1 and 0.5"
-            )
+            raise InputError.at("material", "poisson", f"is {self.poisson}", "give a number between -1 and 0.5")
 
     @property
     def shear(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ BENDING = PLA.young * INERTIA
 WEIGHT = PLA.weight * AREA
 
 
-def frame_of(vertices: list, edges: list, grounded: list[int], **fields: object) -> Wireframe:
+def frame_of(vertices: list, edges: list, grounded: list[int], **fields: Any) -> Wireframe:
     held = np.zeros(len(vertices), dtype=bool)
     held[grounded] = True
     return Wireframe.create(vertices, edges, radius=RADIUS, grounded=held, **fields)
@@ -79,9 +80,7 @@ def test_one_beam_is_as_good_as_five() -> None:
     whole = frame_of(ends.tolist(), [[0, 1], [1, 2]], [0])
     beams = FrameBeams.build(whole)
     curves = beams.along_struts(beams.solve(), 5)
-    points = np.concatenate(
-        [bezier.evaluate(whole.control_points, np.arange(5) / 5).reshape(-1, 3), ends[2:]]
-    )
+    points = np.concatenate([bezier.evaluate(whole.control_points, np.arange(5) / 5).reshape(-1, 3), ends[2:]])
     fine = frame_of(points.tolist(), [[i, i + 1] for i in range(10)], [0])
     moved = FrameBeams.build(fine).solve()[:, :3]
     np.testing.assert_allclose(curves[0, :5], moved[:5], atol=1e-9 * np.abs(moved).max())
@@ -190,9 +189,7 @@ def test_pynite_inside_of_a_strut_too() -> None:
     model.add_member_self_weight("FZ", -1.0)
     model.analyze_linear()
     member = model.members["ab"]
-    local = np.array(
-        [[member.deflection(d, x * member.L()) for d in ("dx", "dy", "dz")] for x in (0.25, 0.6)]
-    )
+    local = np.array([[member.deflection(d, x * member.L()) for d in ("dx", "dy", "dz")] for x in (0.25, 0.6)])
     expected = local @ member.T()[:3, :3]
 
     beams = FrameBeams.build(frame_of([[0, 0, 0], [30, 40, 20]], [[0, 1]], [0]))

@@ -67,9 +67,7 @@ def test_warp_is_smooth_and_one_field_for_all(straight_frame: Wireframe) -> None
     )
     whole, cut = smooth_warp(straight_frame, 2.0, seed=1), smooth_warp(halves, 2.0, seed=1)
     np.testing.assert_allclose(cut.vertices[:count], whole.vertices, atol=0.02)
-    np.testing.assert_allclose(
-        cut.vertices[count:], bezier.evaluate(whole.control_points, [0.5])[:, 0], atol=0.1
-    )
+    np.testing.assert_allclose(cut.vertices[count:], bezier.evaluate(whole.control_points, [0.5])[:, 0], atol=0.1)
     stretch = whole.lengths / straight_frame.lengths
     assert 0.7 < stretch.min() < stretch.max() < 1.3
 
@@ -141,9 +139,7 @@ def test_only_printed_struts_are_dropped_and_counted(straight_frame: Wireframe) 
 
 
 def test_no_piece_is_left_hanging_in_the_air() -> None:
-    star = Wireframe.create(
-        [[0, 0, 0], [9, 0, 9], [0, 9, 9], [-9, 0, 9], [0, -9, 9]], [[0, 1], [2, 0], [0, 3], [4, 0]]
-    )
+    star = Wireframe.create([[0, 0, 0], [9, 0, 9], [0, 9, 9], [-9, 0, 9], [0, -9, 9]], [[0, 1], [2, 0], [0, 3], [4, 0]])
     for seed in range(6):
         present, dropped = drop_struts(star, 4, seed=seed, share=0.3)
         np.testing.assert_allclose(present[[0, 2]], [[0.0, 0.7]] * 2, atol=1e-9)

@@ -39,9 +39,9 @@ def random_lattice(seed: int = 0) -> LatticeField:
     return field.with_coefficients(np.random.default_rng(seed).normal(size=field.coefficients.shape))
 
 
-def small_network(seed: int = 0, octaves: int = 3) -> NetworkField:
+def small_network(seed: int = 0, octaves: int = 3, width: int = 24) -> NetworkField:
     """A network whose last layer is not zero, in double precision."""
-    field = NetworkField(BOX, NetworkShape(octaves, layers=4, width=24, skip=2), seed=seed).double()
+    field = NetworkField(BOX, NetworkShape(octaves, layers=4, width=width, skip=2), seed=seed).double()
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for parameter in field.output.parameters():
@@ -111,9 +111,7 @@ class TestLattice:
         x, y, z = points.T / 30.0
         cubic = np.column_stack([1.0 + x * y * z - z**3, x**3 * y**2, 2.0 * y - x**2 * z**3])
         field = fit_lattice(points, cubic, None, BOX, [(1, 1, 1)], bending=0.0)
-        np.testing.assert_allclose(
-            field.evaluate(inside(50, seed=9)), cubic_at(inside(50, seed=9)), atol=1e-3
-        )
+        np.testing.assert_allclose(field.evaluate(inside(50, seed=9)), cubic_at(inside(50, seed=9)), atol=1e-3)
 
     def test_affine_motions_carry_on_outside(self) -> None:
         matrix = np.array([[0.0, -0.1, 0.2], [0.1, 0.0, 0.05], [-0.2, -0.05, 0.3]])
@@ -127,7 +125,7 @@ class TestLattice:
         for face in (0, 1):
             points = inside()
             points[:, 2] = BOX[face, 2]
-            beside = points + [0.0, 0.0, 1e-9 * (2 * face - 1)]
+            beside = points + np.array([0.0, 0.0, 1e-9 * (2 * face - 1)])
             np.testing.assert_allclose(field.evaluate(points), field.evaluate(beside), atol=1e-8)
 
     def test_levels_add_up(self) -> None:
@@ -173,11 +171,11 @@ class TestLatticeFit:
     def test_finer_levels_converge_with_the_fourth_power(self) -> None:
         points = inside(6000)
         errors = []
-        for longest in (2, 4, 8):
+        for longest in (4, 8, 16):
             cells = even_cells(BOX, longest)
             field = fit_lattice(points, self.smooth(points), None, BOX, [cells], bending=0.0)
             errors.append(np.abs(field.evaluate(points) - self.smooth(points)).mean())
-        assert errors[0] / errors[1] > 8.0 and errors[1] / errors[2] > 8.0
+        assert errors[0] / errors[1] > 10.0 and errors[1] / errors[2] > 10.0
 
     def test_bending_straightens_and_stretch_flattens(self) -> None:
         points = inside(300)
@@ -188,7 +186,7 @@ class TestLatticeFit:
             energies.append(np.square(field.laplacian(points)).sum())
         assert energies[0] > 10.0 * energies[1] > 100.0 * energies[2]
         flat = fit_lattice(points, noise, None, BOX, LEVELS, stretch=1e3).evaluate(around())
-        np.testing.assert_allclose(flat, np.broadcast_to(noise.mean(axis=0), flat.shape), atol=1e-2)
+        np.testing.assert_allclose(flat, np.broadcast_to(noise.mean(axis=0), flat.shape), atol=5e-2)
 
     def test_weights_choose_between_contradictions(self) -> None:
         points = np.repeat(inside(100), 2, axis=0)
@@ -201,9 +199,7 @@ class TestLatticeFit:
         noise = np.random.default_rng(1).normal(size=points.shape)
         small = fit_lattice(points, noise, None, BOX, LEVELS, bending=1e-5, stretch=1e-4)
         large = fit_lattice(7.0 * points, 7.0 * noise, None, 7.0 * BOX, LEVELS, bending=1e-5, stretch=1e-4)
-        np.testing.assert_allclose(
-            large.evaluate(7.0 * points), 7.0 * small.evaluate(points), rtol=1e-6, atol=1e-6
-        )
+        np.testing.assert_allclose(large.evaluate(7.0 * points), 7.0 * small.evaluate(points), rtol=1e-6, atol=1e-6)
 
     @pytest.mark.parametrize(
         "weights", [np.zeros(10), -np.ones(10), np.ones(9), np.full(10, np.nan)], ids=["0", "-", "9", "nan"]
@@ -238,9 +234,7 @@ class TestNetwork:
 
     def test_longest_side_becomes_minus_one_to_one(self) -> None:
         field = NetworkField(BOX).double()
-        ends = field._normalise(
-            torch.tensor([[10.0, 25.0, 5.0], [10.0, 25.0, 95.0], [30.0, 25.0, 50.0]]).double()
-        )
+        ends = field._normalise(torch.tensor([[10.0, 25.0, 5.0], [10.0, 25.0, 95.0], [30.0, 25.0, 50.0]]).double())
         expected = torch.tensor([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [20.0 / 45.0, 0.0, 0.0]]).double()
         torch.testing.assert_close(ends, expected)
 
@@ -269,14 +263,12 @@ class TestNetwork:
         assert (difference < 1e-2 * np.abs(expected).max()).mean() > 0.9
 
     def test_gradients_of_the_laplacian(self) -> None:
-        field, points = small_network(), torch.from_numpy(inside(5))
+        field, points = small_network(width=6), torch.from_numpy(inside(5))
         names = [name for name, _ in field.named_parameters() if "weight" in name]
 
         def loss(*weights: torch.Tensor) -> torch.Tensor:
             values = {**dict(field.named_parameters()), **dict(zip(names, weights, strict=True))}
-            return torch.func.functional_call(
-                _Laplacian(field), {f"field.{n}": v for n, v in values.items()}, points
-            )
+            return torch.func.functional_call(_Laplacian(field), {f"field.{n}": v for n, v in values.items()}, points)
 
         weights = [dict(field.named_parameters())[name].detach().clone().requires_grad_() for name in names]
         assert torch.autograd.gradcheck(loss, weights, atol=1e-4, rtol=1e-3, fast_mode=True)
@@ -289,7 +281,6 @@ class TestNetwork:
     def test_global_random_state_is_left_alone(self) -> None:
         before = torch.get_rng_state()
         NetworkField(BOX, seed=5)
-        # Layers are made by torch before they get their own numbers; the state must not depend on that.
         assert torch.equal(before, torch.get_rng_state())
 
     @pytest.mark.parametrize("size", [(0, 8, 4, 2), (3, 4, 8, 4), (3, 4, 8, 0)])
@@ -328,10 +319,7 @@ class TestNodes:
         np.testing.assert_allclose(field.evaluate(around()), expected, atol=1e-10)
 
     def test_turns_are_rotations(self) -> None:
-        vectors = (
-            torch.from_numpy(np.random.default_rng(0).normal(size=(20, 3)))
-            * torch.logspace(-6, 0, 20)[:, None]
-        )
+        vectors = torch.from_numpy(np.random.default_rng(0).normal(size=(20, 3))) * torch.logspace(-6, 0, 20)[:, None]
         turned = turn_matrices(vectors) + torch.eye(3)
         angle = vectors.norm(dim=1)
         torch.testing.assert_close(turned, torch.linalg.matrix_exp(_cross(vectors)), rtol=0.0, atol=1e-12)

@@ -92,8 +92,6 @@ def checked_box(box: ArrayLike) -> Floats:
     """
     array = np.array(box, dtype=np.float64)
     if array.shape != (2, 3) or not np.isfinite(array).all() or not (array[1] > array[0]).all():
-        raise ValueError(
-            "a field's box needs a lowest and a highest corner (2, 3) with a volume between them"
-        )
+        raise ValueError("a field's box needs a lowest and a highest corner (2, 3) with a volume between them")
     array.setflags(write=False)
     return array

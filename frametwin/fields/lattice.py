@@ -31,10 +31,7 @@ Floats = NDArray[np.float64]
 Cells = tuple[int, int, int]
 
 # Cubic B-spline pieces: coefficients of 1, s, s^2, s^3 of the four functions that meet in a cell, s in 0..1.
-_PIECES = (
-    np.array([[1.0, -3.0, 3.0, -1.0], [4.0, 0.0, -6.0, 3.0], [1.0, 3.0, 3.0, -3.0], [0.0, 0.0, 0.0, 1.0]])
-    / 6.0
-)
+_PIECES = np.array([[1.0, -3.0, 3.0, -1.0], [4.0, 0.0, -6.0, 3.0], [1.0, 3.0, 3.0, -3.0], [0.0, 0.0, 0.0, 1.0]]) / 6.0
 
 
 def even_cells(box: ArrayLike, longest: int) -> Cells:
@@ -95,9 +92,7 @@ class LatticeField(DeformationField):
         if values.shape != (ends[-1], 3):
             raise ValueError(f"the lattice has {ends[-1]} coefficients (C, 3), not {values.shape}")
         parts = np.split(values, ends[:-1])
-        return LatticeField(
-            self.box, [p.reshape(level.shape) for p, level in zip(parts, self.levels, strict=True)]
-        )
+        return LatticeField(self.box, [p.reshape(level.shape) for p, level in zip(parts, self.levels, strict=True)])
 
     def evaluate(self, points: ArrayLike) -> Floats:
         """Displacements (N, 3) in mm of the points (N, 3)."""
@@ -143,9 +138,7 @@ class LatticeField(DeformationField):
             data.append(np.einsum("ni,nj,nk->nijk", *weights).reshape(count, 64))
             steps = [f[:, None] + np.arange(4) for f in first]  # three of (N, 4)
             ny, nz = level.shape[1:3]
-            index = (steps[0][:, :, None, None] * ny + steps[1][:, None, :, None]) * nz + steps[2][
-                :, None, None, :
-            ]
+            index = (steps[0][:, :, None, None] * ny + steps[1][:, None, :, None]) * nz + steps[2][:, None, None, :]
             columns.append(index.reshape(count, 64) + before)
             before += level.size // 3
         ends = np.arange(count + 1) * (64 * len(data))
@@ -164,6 +157,14 @@ class LatticeField(DeformationField):
     def restore(cls, tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> LatticeField:
         """Build the field from `tensors` and `metadata`."""
         return cls(tensors["box"], [tensors[f"level{i}"] for i in range(int(metadata["levels"]))])
+
+
+def axis_matrix(x: Floats, ends: Floats, cells: int, order: int) -> Floats:
+    """(N, cells + 3) values at x (N,) of the functions along one axis, differentiated ``order`` times."""
+    weights, first = _axis_weights(x, ends, cells, order)
+    matrix = np.zeros((len(x), cells + 3))
+    np.put_along_axis(matrix, first[:, None] + np.arange(4), weights, axis=1)
+    return matrix
 
 
 def _axis_weights(x: Floats, ends: Floats, cells: int, order: int) -> tuple[Floats, NDArray[np.int64]]:

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from frametwin.fields.base import checked_points
-from frametwin.fields.lattice import Cells, LatticeField
+from frametwin.fields.lattice import Cells, LatticeField, axis_matrix
 
 Floats = NDArray[np.float64]
 
 MOST_COEFFICIENTS = 8000
 """The normal equations are solved as a dense matrix; this many take half a gigabyte."""
 
-_RIDGE = 1e-10  # of the mean diagonal: levels overlap, so coefficients alone are not unique
+_RIDGE = 1e-11  # of the mean diagonal: levels overlap, so coefficients alone are not unique
 _SECOND = (
     ((2, 0, 0), 1.0),
     ((0, 2, 0), 1.0),
@@ -43,7 +43,7 @@ def fit_lattice(
 
         sum_i w_i |d(x_i) - d_i|^2 / sum_i w_i + bending L^4 <|grad grad d|^2> + stretch L^2 <|grad d|^2>,
 
-    where <> is the mean over the box (Gauss quadrature in the finest cells). The weights of the energies have
+    where <> is the mean over the box (in closed form). The weights of the energies have
     no unit and mean the same for frames of all sizes. Bending leaves affine motions free, stretch only
     translations.
 
@@ -67,9 +67,7 @@ def fit_lattice(
     where, targets = checked_points(points), checked_points(displacements)
     share = np.ones(len(where)) if weights is None else np.asarray(weights, dtype=np.float64)
     if len(targets) != len(where) or share.shape != (len(where),):
-        raise ValueError(
-            f"{len(where)} points, {len(targets)} displacements and weights {share.shape} do not fit"
-        )
+        raise ValueError(f"{len(where)} points, {len(targets)} displacements and weights {share.shape} do not fit")
     if not (np.isfinite(share).all() and share.min(initial=0.0) >= 0.0 and share.sum() > 0.0):
         raise ValueError("weights must be finite, not negative and not all zero")
     size = len(field.coefficients)
@@ -84,22 +82,41 @@ def fit_lattice(
     if stretch > 0.0:
         normal += stretch * length**2 * _energy(field, _FIRST)
     normal[np.diag_indices(size)] += _RIDGE * np.trace(normal) / size
-    return field.with_coefficients(linalg.solve(normal, weighted.T @ targets, assume_a="pos"))
+    return field.with_coefficients(linalg.cho_solve(linalg.cho_factor(normal), weighted.T @ targets))
 
 
 def _energy(field: LatticeField, terms: Sequence[tuple[tuple[int, int, int], float]]) -> Floats:
-    """(C, C) matrix of the mean over the box of a sum of squared derivatives."""
-    cells = np.max(field.resolutions, axis=0)
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    axes, shares = [], []
-    for axis, count in enumerate(cells):
-        low, high = field.box[:, axis]
-        axes.append(low + (high - low) * ((np.arange(count)[:, None] + 0.5 * (nodes + 1.0)) / count).ravel())
-        shares.append(np.tile(0.5 * weights / count, count))
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    share = np.einsum("i,j,k->ijk", *shares).ravel()
+    """(C, C) matrix of the mean over the box of a sum of squared derivatives.
+
+    The basis functions are products over the axes, so every entry is a product of integrals along one axis.
+    """
+    along = [_axis_products(field, axis) for axis in range(3)]
+    levels = range(len(field.levels))
     total = np.zeros((len(field.coefficients),) * 2)
-    for orders, factor in terms:
-        matrix = field.derivative_matrix(grid, orders)
-        total += (matrix.multiply((factor * share)[:, None]).tocsr().T @ matrix).toarray()
+    for (x, y, z), factor in terms:
+        blocks = [
+            [np.kron(np.kron(along[0][x, a, b], along[1][y, a, b]), along[2][z, a, b]) for b in levels] for a in levels
+        ]
+        total += factor * np.block(blocks)
     return total
+
+
+def _axis_products(field: LatticeField, axis: int) -> dict[tuple[int, int, int], Floats]:
+    """Means along one axis of products of two levels' functions, both differentiated equally often.
+
+    Keys are (order, level, level); values (n, n'). Exact: the functions are cubics between the knots.
+    """
+    ends = field.box[:, axis]
+    cells = [resolution[axis] for resolution in field.resolutions]
+    knots = np.unique(np.concatenate([np.arange(count + 1) / count for count in cells]))
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    gaps = np.diff(knots)[:, None]
+    share = (0.5 * gaps * weights).ravel()
+    x = ends[0] + (ends[1] - ends[0]) * (knots[:-1, None] + 0.5 * gaps * (nodes + 1.0)).ravel()
+    products = {}
+    for order in range(3):
+        values = [axis_matrix(x, ends, count, order) for count in cells]
+        for a, one in enumerate(values):
+            for b, other in enumerate(values):
+                products[order, a, b] = (one * share[:, None]).T @ other
+    return products

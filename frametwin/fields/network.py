@@ -30,6 +30,7 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor, nn
 from torch.nn import functional
+from torch.nn.utils import skip_init
 
 from frametwin.fields.base import checked_box
 from frametwin.fields.torch_field import TorchField
@@ -87,8 +88,9 @@ class NetworkField(TorchField):
         self.shape = shape or NetworkShape()
         inputs = [self.shape.encoded] + [self.shape.width] * (self.shape.layers - 1)
         inputs[self.shape.skip] += self.shape.encoded
-        self.hidden = nn.ModuleList([nn.Linear(n, self.shape.width) for n in inputs])
-        self.output = nn.Linear(self.shape.width, 3)
+        # Without torch's own first weights, which would be drawn from its global random state.
+        self.hidden = nn.ModuleList([skip_init(nn.Linear, n, self.shape.width) for n in inputs])
+        self.output = skip_init(nn.Linear, self.shape.width, 3)
         self.register_buffer("middle", torch.from_numpy(corners.mean(axis=0)).float())
         self.register_buffer("half_side", torch.tensor(0.5 * float(np.ptp(corners, axis=0).max())))
         self._start(torch.Generator().manual_seed(seed))

@@ -47,9 +47,7 @@ class NodesField(TorchField):
         super().__init__()
         points = checked_points(nodes)
         if len(points) < 1 or not scale > 0.0 or neighbours < 1:
-            raise ValueError(
-                "control nodes need at least one node, a scale above 0 and at least one neighbour"
-            )
+            raise ValueError("control nodes need at least one node, a scale above 0 and at least one neighbour")
         self.neighbours = min(neighbours, len(points))
         self.register_buffer("nodes", torch.from_numpy(points.copy()))
         self.register_buffer("scale", torch.tensor(float(scale), dtype=torch.float64))

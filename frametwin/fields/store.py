@@ -40,7 +40,7 @@ def save_field(path: str | os.PathLike[str], field: DeformationField) -> None:
         If the file cannot be written.
     """
     metadata = {**field.metadata(), "format": FORMAT, "version": VERSION, "kind": field.kind}
-    tensors = {name: np.ascontiguousarray(array) for name, array in field.tensors().items()}
+    tensors = {name: np.array(array, order="C") for name, array in field.tensors().items()}
     write_bytes(path, _with_metadata(save(tensors), metadata))
 
 
@@ -59,9 +59,7 @@ def load_field(path: str | os.PathLike[str]) -> DeformationField:
             metadata = dict(file.metadata() or {})
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dict
     except (SafetensorError, OSError) as error:
-        raise InputError.at(
-            path, "file", f"cannot be read as safetensors ({error})", "write it anew"
-        ) from error
+        raise InputError.at(path, "file", f"cannot be read as safetensors ({error})", "write it anew") from error
     remedy = "give a field that this version of FrameTwin wrote"
     for key, wanted in (("format", FORMAT), ("version", VERSION)):
         if metadata.get(key) != wanted:

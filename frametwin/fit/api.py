@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from frametwin import __version__, bezier, twin as twin_files
+from frametwin import __version__, bezier
+from frametwin import twin as twin_files
 from frametwin.blending import blend
 from frametwin.cameras import Camera
 from frametwin.capture import Capture
@@ -186,9 +187,7 @@ def settings_of(
     if preset == "fast":
         return FastSettings(seed=seed).replace(**wanted)
     if preset not in PRESETS:
-        raise InputError.at(
-            "settings", "preset", f"{preset!r} is unknown", f"give one of {', '.join(PRESETS)}"
-        )
+        raise InputError.at("settings", "preset", f"{preset!r} is unknown", f"give one of {', '.join(PRESETS)}")
     return splat_settings.preset(preset, **{"seed": seed, **wanted})
 
 
@@ -335,7 +334,4 @@ def _hashes(capture: Capture) -> dict[str, str]:
     """SHA-256 of every file that was read, by its name in the capture."""
     files = [capture.root / "frame.json", capture.root / "transforms.json"]
     files += [path for view in capture.views for path in (view.image, view.background) if path is not None]
-    return {
-        path.relative_to(capture.root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in files
-    }
+    return {path.relative_to(capture.root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

@@ -124,9 +124,7 @@ class ElasticFrame:
         trace = np.trace(matrix, axis1=1, axis2=2)
         matrix += (1e-3 * trace + 1e-12)[:, None, None] * np.eye(3)
         joints[:, 3:] = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-        inner = displacement - self.displaced(
-            np.zeros_like(displacement), joints, np.zeros((len(self.edges), 6))
-        )
+        inner = displacement - self.displaced(np.zeros_like(displacement), joints, np.zeros((len(self.edges), 6)))
         return joints, inner[:, 1:3].reshape(-1, 6)
 
 

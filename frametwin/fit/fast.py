@@ -21,8 +21,8 @@ from frametwin.fit import presence
 from frametwin.fit.confidence import confidence
 from frametwin.fit.elastic import ElasticFrame
 from frametwin.fit.fast_settings import FastSettings, Stage
-from frametwin.fit.loads import coarse_motions
-from frametwin.fit.motion import Pose, as_rods, free_step, smooth_descent, start_pose
+from frametwin.fit.loads import load_answers, rigid_motions, smooth_warps
+from frametwin.fit.motion import as_rods, free_step, smooth_descent, start_pose
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level, Pyramid
@@ -106,7 +106,7 @@ class _Run:
         self.clock = perf_counter()
         self.elastic = ElasticFrame(self.frame)
         self.density = self.pyramid.pixels_per_mm(self.frame.bounds.mean(axis=0))
-        self.anchor = self.pose = start_pose(self.elastic, self.settings.pieces)
+        self.anchor = self.pose = start_pose(self.elastic)
         self.steps = 0
         stages = (*self.settings.coarse, *self.settings.refine, *self.settings.recover, *self.settings.finish)
         self.total = sum(stage.iterations for stage in stages)
@@ -116,15 +116,11 @@ class _Run:
         """Run all stages."""
         self._lap("set-up")
         if start is None:
-            self._coarse()
+            self._search()
         else:
             joints, inner = self.elastic.freedoms_of(start - self.frame.control_points)
-            self.pose = self.pose.moved(joints, inner)
-        self.anchor = self.pose
-        self._lap("coarse")
-        for stage in self.settings.refine:
-            self._stage(stage)
-        self._lap("refine")
+            self.anchor = self.pose = self.pose.moved(joints, inner)
+            self._refine()
         self._recover(self.settings.refine[-1])
         self._lap("recover")
         for stage in self.settings.finish:
@@ -132,9 +128,37 @@ class _Run:
         self._lap("finish")
         return self._result(self.settings.finish[-1], terms)
 
+    def _search(self) -> None:
+        """The frame's own motions first; where they leave struts astray, also motions that ask nothing of the frame.
+
+        The better of the two stays.
+        """
+        rigid = rigid_motions(self.frame.vertices)
+        plan, found = self.pose, []
+        for kind in (load_answers, smooth_warps):
+            self.anchor = self.pose = plan
+            motions = [rigid, kind(self.elastic, self.settings.cells)]
+            if kind is smooth_warps:
+                motions.append(load_answers(self.elastic, self.settings.cells))
+            self._coarse(np.concatenate(motions, axis=1), 1.0 if kind is load_answers else 0.0)
+            self.anchor = self.pose
+            self._lap("coarse")
+            loss = self._refine()
+            found.append((loss, len(found), self.pose, self.anchor))
+            if self._astray(self.settings.refine[-1]).mean() <= self.settings.troubled:
+                break
+        _, _, self.pose, self.anchor = min(found, key=lambda outcome: outcome[:2])
+
+    def _refine(self) -> float:
+        for stage in self.settings.refine:
+            terms = self._stage(stage)
+        self._lap("refine")
+        return terms.loss
+
     def _lap(self, name: str) -> None:
         now = perf_counter()
-        self.timing[name], self.clock = now - self.clock, now
+        self.timing[name] = self.timing.get(name, 0.0) + now - self.clock
+        self.clock = now
 
     def _level(self, detail: float, blur: float) -> tuple[Level, float]:
         """The pictures for a stage, and their pixels per millimetre. Kept while the size stays the same."""
@@ -149,19 +173,17 @@ class _Run:
         self.steps += 1
         self.history.append(2.0 * loss / level.target.size)
         if self.callback is not None:
-            curves = as_rods(self.elastic, self.pose).control_points
+            curves = as_rods(self.elastic, self.pose, 1).control_points
             report(
                 self.callback,
                 Progress(name, min(self.steps, self.total), self.total, self.history[-1], curves),
             )
 
-    def _coarse(self) -> None:
-        motions = coarse_motions(self.elastic, self.settings.cells)
+    def _coarse(self, motions: np.ndarray, pull: float) -> None:
         for stage in self.settings.coarse:
+            stage = replace(stage, pull=pull * stage.pull)
             level, density = self._level(stage.detail, stage.blur)
-            descent = smooth_descent(
-                self.elastic, motions, self.pose, level, stage.iterations, stage.longest / density, stage.gain
-            )
+            descent = smooth_descent(self.elastic, motions, self.pose, level, stage, stage.longest / density)
             for pose, loss in descent:
                 self.pose = pose
                 self._report("smooth motion", loss, level)
@@ -169,7 +191,7 @@ class _Run:
     def _stage(self, stage: Stage, astray: np.ndarray | None = None) -> Terms:
         level, density = self._level(stage.detail, stage.blur)
         for _ in range(stage.iterations):
-            terms = rods.gauss_newton(as_rods(self.elastic, self.pose), level)
+            terms = rods.gauss_newton(as_rods(self.elastic, self.pose, stage.pieces), level)
             heard = terms if astray is None else _without(terms, self.frame.edges, astray)
             joints, inner = free_step(self.elastic, heard, self.pose, self.anchor, stage.pull, stage.drag)
             furthest = np.percentile(np.linalg.norm(joints[:, :3], axis=1), 99) * density
@@ -188,22 +210,19 @@ class _Run:
                 self._stage(again)
         if self.settings.learn_opacity:
             level, _ = self._level(stage.detail, stage.blur)
-            opacity, _ = presence.seen_opacity(as_rods(self.elastic, self.pose), level)
+            opacity, _ = presence.seen_opacity(as_rods(self.elastic, self.pose, stage.pieces), level)
             self.pose = replace(self.pose, opacity=np.where(opacity < self.settings.absent, 0.0, 1.0))
 
     def _astray(self, stage: Stage) -> np.ndarray:
         level, _ = self._level(stage.detail, stage.blur)
-        return presence.strut_whiteness(as_rods(self.elastic, self.pose), level) < self.settings.suspicious
+        return (
+            presence.strut_whiteness(as_rods(self.elastic, self.pose, stage.pieces), level) < self.settings.suspicious
+        )
 
     def _result(self, stage: Stage, terms: Terms) -> FastFit:
         count, kernels = len(self.frame.edges), self.settings.kernels_per_strut
         level, _ = self._level(stage.detail, stage.blur)
-        middle = (np.arange(kernels) + 0.5) / kernels * self.settings.pieces
-        piece = np.minimum(middle.astype(int), self.settings.pieces - 1)
-        fine = Pose(
-            self.pose.joints, self.pose.inner, self.pose.radius[:, piece], self.pose.opacity[:, piece]
-        )
-        drawn = as_rods(self.elastic, fine)
+        drawn = as_rods(self.elastic, self.pose, kernels)
         opacity = np.ones((count, kernels))
         if self.settings.learn_opacity:
             opacity, _ = presence.seen_opacity(drawn, level)

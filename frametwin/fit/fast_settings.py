@@ -19,6 +19,8 @@ class CoarseStage:
         enlarged.
     blur : of rods and target, in pixels of that size.
     iterations : steps, at most.
+    pieces : straight pieces of a strut.
+    pull : weight of the elastic energy.
     longest : cap on a step, in pixels of that size.
     gain : the stage ends when a step lowers the loss by less than this share.
     """
@@ -26,6 +28,8 @@ class CoarseStage:
     detail: float
     blur: float
     iterations: int
+    pieces: int
+    pull: float = 1e-3
     longest: float = 1.0
     gain: float = 5e-3
 
@@ -36,7 +40,7 @@ class Stage:
 
     Attributes
     ----------
-    detail, blur, iterations, longest : as in `CoarseStage`.
+    detail, blur, iterations, pieces, longest : as in `CoarseStage`.
     pull : weight of the elastic energy about where the coarse stages left the frame.
     drag : weight of the elastic energy of each step.
     """
@@ -44,6 +48,7 @@ class Stage:
     detail: float
     blur: float
     iterations: int
+    pieces: int
     pull: float
     drag: float
     longest: float = 1.0
@@ -57,7 +62,6 @@ class FastSettings:
     ----------
     preset, seed : kept with the result.
     kernels_per_strut : K, pieces for which thickness and opacity are given.
-    pieces : straight pieces of a strut while fitting.
     cells : of the lattice of loads, along the frame's longest side.
     coarse : stages in smooth motions; skipped when the fit starts from an earlier field.
     refine : stages with every joint and strut free.
@@ -65,6 +69,7 @@ class FastSettings:
     finish : last stages.
     learn_thickness, learn_opacity : whether radius and presence are found.
     suspicious : a strut whose pixels are less white than this share is astray or missing.
+    troubled : with more than this share of the struts astray after the frame's own motions, others are tried too.
     absent : a piece whose pixels are less white than this share is missing.
     field_cells : cells of the lattices of the field that is fitted to the result, along the longest side.
     """
@@ -72,39 +77,40 @@ class FastSettings:
     preset: str = "fast"
     seed: int = 0
     kernels_per_strut: int = 20
-    pieces: int = 8
     cells: int = 1
     coarse: tuple[CoarseStage, ...] = (
-        CoarseStage(0.5, 1.5, 14),
-        CoarseStage(0.9, 1.5, 10),
-        CoarseStage(0.9, 0.7, 6),
+        CoarseStage(0.5, 1.5, 14, 2),
+        CoarseStage(0.9, 1.5, 10, 2),
+        CoarseStage(0.9, 0.7, 6, 4),
     )
     refine: tuple[Stage, ...] = (
-        Stage(0.9, 1.0, 3, 0.12, 1.2),
-        Stage(0.9, 1.0, 4, 0.04, 0.4),
-        Stage(0.9, 0.7, 4, 0.04, 0.12),
-        Stage(1.8, 0.7, 4, 0.04, 0.12, 1.5),
+        Stage(0.9, 1.0, 3, 4, 0.12, 1.2),
+        Stage(0.9, 1.0, 4, 4, 0.04, 0.4),
+        Stage(0.9, 0.7, 4, 4, 0.04, 0.12),
+        Stage(1.8, 0.7, 4, 6, 0.04, 0.12, 1.5),
     )
     recover: tuple[Stage, ...] = (
-        Stage(0.9, 1.0, 3, 0.04, 0.12),
-        Stage(1.8, 0.7, 4, 0.04, 0.12, 1.5),
+        Stage(0.9, 1.0, 3, 4, 0.04, 0.12),
+        Stage(1.8, 0.7, 4, 6, 0.04, 0.12, 1.5),
     )
-    finish: tuple[Stage, ...] = (Stage(3.6, 0.5, 4, 0.04, 0.12, 1.5),)
+    finish: tuple[Stage, ...] = (
+        Stage(3.6, 0.4, 4, 8, 0.02, 0.08, 1.5),
+        Stage(8.0, 0.3, 3, 8, 0.01, 0.04, 1.5),
+    )
     learn_thickness: bool = True
     learn_opacity: bool = True
     suspicious: float = 0.9
+    troubled: float = 0.03
     absent: float = 0.5
     field_cells: tuple[int, ...] = (2, 5)
 
     def __post_init__(self) -> None:
-        whole = {"seed": (0, 2**63 - 1), "kernels_per_strut": (1, 1000), "pieces": (1, 100), "cells": (1, 6)}
+        whole = {"seed": (0, 2**63 - 1), "kernels_per_strut": (1, 1000), "cells": (1, 6)}
         for name, (low, high) in whole.items():
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-                raise InputError.at(
-                    "settings", name, f"is {value!r}", f"give a whole number from {low} to {high}"
-                )
-        for name in ("suspicious", "absent"):
+                raise InputError.at("settings", name, f"is {value!r}", f"give a whole number from {low} to {high}")
+        for name in ("suspicious", "troubled", "absent"):
             value = getattr(self, name)
             if not (isinstance(value, float | int) and 0.0 <= value <= 1.0):
                 raise InputError.at("settings", name, f"is {value!r}", "give a share from 0 to 1")

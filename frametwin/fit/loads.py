@@ -18,6 +18,9 @@ from frametwin.fit.elastic import ElasticFrame
 HOLD = 1e6
 """Springs on grounded joints, relative to the mean diagonal of the stiffness."""
 
+LEAST = 1e-3
+"""Loads that move the frame by less than this share of what others do press on the ground and are left out."""
+
 
 def rigid_motions(vertices: np.ndarray) -> np.ndarray:
     """(6V, 6): three shifts of 1 mm and three turns about the middle by up to about 1 mm."""
@@ -43,9 +46,7 @@ def load_answers(elastic: ElasticFrame, cells: int) -> np.ndarray:
         Cells of the lattice along the longest side of the frame's box.
     """
     frame = elastic.frame
-    low, high = frame.bounds
-    pad = 1e-3 * frame.extent
-    box = np.array([low - pad, high + pad])
+    box = _box(elastic)
     basis = LatticeField.zeros(box, [even_cells(box, cells)]).basis_matrix(frame.vertices).toarray()
     basis = basis[:, np.abs(basis).max(axis=0) > 1e-3]
     half = frame.chord_lengths / 2.0
@@ -60,10 +61,32 @@ def load_answers(elastic: ElasticFrame, cells: int) -> np.ndarray:
     grip.reshape(-1, 6)[held] = HOLD * diagonal.mean()
     stiffness.setdiag(diagonal + grip)
     answers = factorise(stiffness).solve(loads.reshape(6 * frame.vertex_count, -1))
-    shift = answers.reshape(frame.vertex_count, 6, -1)[:, :3]
-    return answers / np.maximum(np.sqrt(np.square(shift).sum(axis=(0, 1)) / frame.vertex_count), 1e-30)
+    return _scaled(answers)
 
 
-def coarse_motions(elastic: ElasticFrame, cells: int) -> np.ndarray:
-    """Rigid motions and answers to smooth loads, (6V, M)."""
-    return np.concatenate([rigid_motions(elastic.frame.vertices), load_answers(elastic, cells)], axis=1)
+def smooth_warps(elastic: ElasticFrame, cells: int) -> np.ndarray:
+    """A lattice of displacements (6V, M), joints turning by half the curl, each scaled as `load_answers`."""
+    frame = elastic.frame
+    lattice = LatticeField.zeros(_box(elastic), [even_cells(_box(elastic), cells)])
+    basis = lattice.basis_matrix(frame.vertices).toarray()
+    used = np.abs(basis).max(axis=0) > 1e-3
+    slope = np.stack([lattice.gradient_matrix(frame.vertices, axis).toarray()[:, used] for axis in range(3)])
+    warps = np.zeros((frame.vertex_count, 6, 3, int(used.sum())))
+    for axis in range(3):
+        after, last = (axis + 1) % 3, (axis + 2) % 3
+        warps[:, axis, axis] = basis[:, used]
+        warps[:, 3 + after, axis] = 0.5 * slope[last]
+        warps[:, 3 + last, axis] = -0.5 * slope[after]
+    return _scaled(warps.reshape(6 * frame.vertex_count, -1))
+
+
+def _box(elastic: ElasticFrame) -> np.ndarray:
+    pad = 1e-3 * elastic.frame.extent
+    return elastic.frame.bounds + np.array([[-pad], [pad]])
+
+
+def _scaled(motions: np.ndarray) -> np.ndarray:
+    shift = motions.reshape(-1, 6, motions.shape[1])[:, :3]
+    size = np.sqrt(np.square(shift).sum(axis=(0, 1)) / len(shift))
+    moving = size > LEAST * size.max()
+    return motions[:, moving] / size[moving]

@@ -12,6 +12,11 @@ from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, Terms
 
 
+GROUND = 300.0
+"""Stiffness by which a grounded joint sticks to the plate, relative to the median strut's sideways one: enough to
+keep feet that no view shows, and nothing against feet that are seen."""
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Where the frame is.
@@ -20,7 +25,8 @@ class Pose:
     ----------
     joints : (V, 6) freedoms of the joints, from the plan.
     inner : (E, 6) of the struts' inner control points.
-    radius, opacity : (E, P) of the rods.
+    radius : (E,) of the struts, mm.
+    opacity : (E, K) 0..1 along them.
     """
 
     joints: np.ndarray
@@ -33,21 +39,22 @@ class Pose:
         return replace(self, joints=self.joints + joints, inner=self.inner + inner)
 
 
-def start_pose(elastic: ElasticFrame, pieces: int) -> Pose:
+def start_pose(elastic: ElasticFrame) -> Pose:
     """The plan itself."""
     count = len(elastic.edges)
-    radius = np.repeat(elastic.frame.radius[:, None], pieces, axis=1)
-    return Pose(np.zeros((elastic.vertex_count, 6)), np.zeros((count, 6)), radius, np.ones((count, pieces)))
+    return Pose(np.zeros((elastic.vertex_count, 6)), np.zeros((count, 6)), elastic.frame.radius, np.ones((count, 1)))
 
 
-def as_rods(elastic: ElasticFrame, pose: Pose) -> Rods:
-    """What the splatter draws of a pose."""
+def as_rods(elastic: ElasticFrame, pose: Pose, pieces: int) -> Rods:
+    """What the splatter draws of a pose, each strut as ``pieces`` straight ones."""
+    middle = (np.arange(pieces) + 0.5) / pieces
+    kernel = (middle * pose.opacity.shape[1]).astype(int)
     return Rods(
         control_points=elastic.displaced(elastic.frame.control_points, pose.joints, pose.inner),
         joints=elastic.frame.vertices + pose.joints[:, :3],
         edges=elastic.edges,
-        radius=pose.radius,
-        opacity=pose.opacity,
+        radius=np.repeat(pose.radius[:, None], pieces, axis=1),
+        opacity=pose.opacity[:, kernel],
     )
 
 
@@ -64,39 +71,37 @@ def joint_system(elastic: ElasticFrame, terms: Terms) -> tuple:
 
 
 def smooth_descent(
-    elastic: ElasticFrame,
-    motions: np.ndarray,
-    pose: Pose,
-    level: Level,
-    iterations: int,
-    longest: float,
-    gain: float,
-):
+    elastic: ElasticFrame, motions: np.ndarray, pose: Pose, level: Level, stage: CoarseStage, longest: float
+) -> Iterator[tuple[Pose, float]]:
     """Levenberg-Marquardt in the span of ``motions`` (6V, M); yields (pose, loss) after every step.
 
+    The elastic energy, weighted with the stage's pull, keeps out motions that stretch the frame for little gain.
     ``longest`` caps the shift of 98 % of the joints in mm, by raising the damping: beyond it the pictures are no
     longer nearly linear.
     """
-    terms = rods.gauss_newton(as_rods(elastic, pose), level)
+    terms = rods.gauss_newton(as_rods(elastic, pose, stage.pieces), level)
+    stiffness = stage.pull * elastic.assemble(elastic.stiffness)
+    energy = 0.5 * pose.joints.ravel() @ (stiffness @ pose.joints.ravel())
     damping = 1e-3
-    for _ in range(iterations):
+    for _ in range(stage.iterations):
         matrix, gradient = joint_system(elastic, terms)
-        reduced = motions.T @ (matrix @ motions)
-        slope = motions.T @ gradient
+        reduced = motions.T @ ((matrix + stiffness) @ motions)
+        slope = motions.T @ (gradient + stiffness @ pose.joints.ravel())
         diagonal = np.diag(reduced)
         bulk = np.diag(diagonal + 0.1 * diagonal.mean())
         step, damping = _capped(motions, reduced, slope, bulk, damping, longest)
         trial = pose.moved(step, np.zeros_like(pose.inner))
-        found = rods.gauss_newton(as_rods(elastic, trial), level)
-        if found.loss >= terms.loss:
+        found = rods.gauss_newton(as_rods(elastic, trial, stage.pieces), level)
+        strain = 0.5 * trial.joints.ravel() @ (stiffness @ trial.joints.ravel())
+        if found.loss + strain >= terms.loss + energy:
             damping *= 4.0
             if damping > 1e6:
                 return
             continue
-        fall = terms.loss - found.loss
-        pose, terms, damping = trial, found, max(damping / 6.0, 1e-4)
+        fall = terms.loss + energy - found.loss - strain
+        pose, terms, energy, damping = trial, found, strain, max(damping / 6.0, 1e-4)
         yield pose, terms.loss
-        if fall < gain * terms.loss:
+        if fall < stage.gain * terms.loss:
             return
 
 
@@ -127,15 +132,15 @@ def free_step(
     outer = np.matmul(turned, np.matmul(terms.hessian, follow)) + (pull + drag) * elastic.stiffness
     mixed = np.matmul(turned, terms.hessian[:, :, INNER])
     inner = terms.hessian[:, INNER, INNER] + (pull + drag) * elastic.inner_stiffness
-    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(
-        elastic.stiffness, away[:, :, None]
-    )
+    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(elastic.stiffness, away[:, :, None])
     inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
     solved = np.linalg.solve(inner, np.concatenate([mixed.transpose(0, 2, 1), inner_slope], axis=2))
     outer -= np.matmul(mixed, solved[:, :, :12])
     slope -= np.matmul(mixed, solved[:, :, 12:])
-    matrix = elastic.assemble(outer, terms.joint_hessian)
-    right = -elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient)
+    held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
+    matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))
+    shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
+    right = -elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
     joints = elastic.solve(matrix, right)
     own = -solved[:, :, 12] - np.matmul(solved[:, :, :12], joints[elastic.freedoms][:, :, None])[:, :, 0]
     return joints.reshape(-1, 6), own

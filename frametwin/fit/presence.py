@@ -37,9 +37,7 @@ def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
     opacity = np.clip(drawn.opacity - slope / np.maximum(weight, 1e-12), 0.0, 1.0)
     needed = IN_VIEW * np.median(weight)
     strut_weight = weight.sum(axis=1)
-    strut = np.where(
-        strut_weight > needed, (weight * opacity).sum(axis=1) / np.maximum(strut_weight, 1e-12), 1.0
-    )
+    strut = np.where(strut_weight > needed, (weight * opacity).sum(axis=1) / np.maximum(strut_weight, 1e-12), 1.0)
     return np.where(weight > needed, opacity, strut[:, None]), weight
 
 
@@ -55,14 +53,14 @@ def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray) -> Pose
 
     Parameters
     ----------
-    pose : with radius (E, P).
+    pose : with the present radii.
     planned : (E,) mm.
     widths : (E, P, 2) curvature and slope of the loss by the radius of each piece.
     """
     # By the logarithm of the radius, in which a common factor is a common shift.
-    curvature = (widths[..., 0] * pose.radius**2).sum(axis=1)
-    slope = (widths[..., 1] * pose.radius).sum(axis=1)
-    present = np.log(pose.radius.mean(axis=1) / planned)
+    curvature = widths[..., 0].sum(axis=1) * pose.radius**2
+    slope = widths[..., 1].sum(axis=1) * pose.radius
+    present = np.log(pose.radius / planned)
     hold = STEADY * np.median(curvature)
     if hold <= 0.0:
         return pose
@@ -73,4 +71,4 @@ def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray) -> Pose
     common = wanted[order][np.searchsorted(share, 0.5 * share[-1])]
     factor = (curvature * wanted + hold * common) / (curvature + hold)
     factor = np.clip(factor, np.log(THINNEST), np.log(THICKEST))
-    return replace(pose, radius=np.repeat((planned * np.exp(factor))[:, None], pose.radius.shape[1], axis=1))
+    return replace(pose, radius=planned * np.exp(factor))

@@ -89,9 +89,7 @@ class CurveSampling:
 
         struts, inner = len(self.edges), self.intervals - 1
         first = len(self.joints) + inner * np.arange(struts)
-        columns = np.column_stack(
-            [self.edges[:, 0], first[:, None] + np.arange(inner), self.edges[:, 1]]
-        )  # (E, m + 1)
+        columns = np.column_stack([self.edges[:, 0], first[:, None] + np.arange(inner), self.edges[:, 1]])  # (E, m + 1)
         shape = (struts, 4, self.intervals + 1)
         rows = np.broadcast_to(np.arange(4 * struts).reshape(struts, 4, 1), shape)
         entries = (

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from frametwin.cameras import Camera
@@ -79,6 +79,8 @@ def fit_splats(
     masks: Sequence[np.ndarray],
     settings: FitSettings,
     callback: ProgressCallback | None = None,
+    *,
+    bounds: ArrayLike | None = None,
 ) -> SplatFit:
     """Find the deformation of a frame from its silhouettes.
 
@@ -89,6 +91,8 @@ def fit_splats(
     masks : (H, W) pictures, 1 where a strut is seen and 0 elsewhere, undistorted; sizes may differ.
     settings : see `FitSettings`; the same settings on the same machine give the same bits.
     callback : told of every iteration with the loss and the curves; it can stop the fit.
+    bounds : (2, 3) mm, bounding box of the whole plan, so that the field's domain holds the unprinted struts
+        too; that of ``frame`` by default.
 
     Raises
     ------
@@ -98,20 +102,25 @@ def fit_splats(
         If the callback stops the fit.
     """
     cameras, targets = _prepare_views(cameras, masks, settings.image_scale)
+    box = enlarged_box(frame.bounds if bounds is None else bounds, settings.domain_margin)
     with _deterministic():
-        return _Fit(frame, cameras, targets, settings).run(callback)
+        return _Fit(frame, box, cameras, targets, settings).run(callback)
 
 
 class _Fit:
     """Everything that one fit holds on to."""
 
     def __init__(
-        self, frame: Wireframe, cameras: list[Camera], targets: list[Tensor], settings: FitSettings
+        self,
+        frame: Wireframe,
+        box: Floats,
+        cameras: list[Camera],
+        targets: list[Tensor],
+        settings: FitSettings,
     ) -> None:
         self.settings = settings
         self.sampling = CurveSampling.of(frame, settings.samples)
         self.plan = torch.from_numpy(self.sampling.control_points)
-        box = enlarged_box(frame.bounds, settings.domain_margin)
         self.scale = 0.5 * float(np.ptp(box, axis=0).max())
         self.field = _start_field(box, self.scale, self.sampling, settings)
         self.field.prepare(self.sampling)
@@ -122,9 +131,7 @@ class _Fit:
         width = effective_radius(1.0, alpha, spread=settings.spread)  # of kernels with tau = 1
         tau = frame.radius[self.layout.strut_of_kernel] / float(width)
         self.log_thickness = torch.tensor(np.log(tau), dtype=torch.float32).requires_grad_()
-        self.logit_opacity = torch.full(
-            (self.layout.size,), float(np.log(alpha / (1.0 - alpha)))
-        ).requires_grad_()
+        self.logit_opacity = torch.full((self.layout.size,), float(np.log(alpha / (1.0 - alpha)))).requires_grad_()
         self.bending = BendingLoss(
             box,
             frame.control_points,
@@ -231,9 +238,7 @@ def _prepare_views(
     used, targets = [], []
     for camera, mask in zip(cameras, masks, strict=True):
         if camera.has_distortion:
-            raise InputError.at(
-                camera.name, "distortion", "is not zero", "undistort the picture and its camera first"
-            )
+            raise InputError.at(camera.name, "distortion", "is not zero", "undistort the picture and its camera first")
         if np.shape(mask) != (camera.height, camera.width):
             problem = f"the picture is {np.shape(mask)} where the camera has {(camera.height, camera.width)}"
             raise InputError.at(camera.name, "size", problem, "give the picture that belongs to the camera")
@@ -260,12 +265,13 @@ def _array(values: Tensor) -> Floats:
 @contextlib.contextmanager
 def _deterministic() -> Iterator[None]:
     """Insist on operations that give the same bits each time, and put the caller's choice back."""
-    before, warn_only = (
-        torch.are_deterministic_algorithms_enabled(),
-        torch.is_deterministic_algorithms_warn_only_enabled(),
-    )
+    before = torch.are_deterministic_algorithms_enabled()
+    warn_only = torch.is_deterministic_algorithms_warn_only_enabled()
+    fill = torch.utils.deterministic.fill_uninitialized_memory
     torch.use_deterministic_algorithms(True)
+    torch.utils.deterministic.fill_uninitialized_memory = False  # nothing here reads memory it has not written
     try:
         yield
     finally:
         torch.use_deterministic_algorithms(before, warn_only=warn_only)
+        torch.utils.deterministic.fill_uninitialized_memory = fill

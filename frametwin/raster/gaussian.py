@@ -59,9 +59,7 @@ def _view_table(sizes: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     return np.column_stack([sizes, ends - sizes[:, 0] * sizes[:, 1]]), int(ends[-1]) if len(ends) else 0
 
 
-def transmittance(
-    means: Floats, conics: Floats, opacity: Floats, sizes: NDArray[np.int64]
-) -> NDArray[np.float32]:
+def transmittance(means: Floats, conics: Floats, opacity: Floats, sizes: NDArray[np.int64]) -> NDArray[np.float32]:
     """Transmittance of every pixel of every view; the picture is 1 minus this.
 
     Parameters
@@ -215,9 +213,7 @@ def _forward(means, conics, opacity, views, bands, buffer):
                     start = origin + y * width
                     c0, c2 = np.float32(-0.5 * det / a * dy * dy), np.float32(-0.5 * a)
                     x = np.float32(j0 + 0.5 - peak)
-                    _multiply_row(
-                        buffer, uintp(start + j0), uintp(j1 - j0), x, c0, c2, np.float32(opacity[view, i])
-                    )
+                    _multiply_row(buffer, uintp(start + j0), uintp(j1 - j0), x, c0, c2, np.float32(opacity[view, i]))
 
 
 @njit(parallel=True, cache=True, error_model="numpy")

@@ -62,9 +62,7 @@ class Pyramid:
         cameras, pictures = [], []
         for camera, mask in zip(self.cameras, self.masks, strict=True):
             width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
-            picture = (
-                mask if scale == 1.0 else cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
-            )
+            picture = mask if scale == 1.0 else cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
             if blur > 0.0:
                 picture = cv2.GaussianBlur(picture, (0, 0), blur, borderType=cv2.BORDER_REPLICATE)
             cameras.append(camera.resized(width, height))

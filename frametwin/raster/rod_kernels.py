@@ -137,37 +137,55 @@ def _cuts(line, cuts):
 
 
 @nb.njit(cache=True)
-def _cut_column(row, point, cut):
-    """The first column whose pixel in the row lies to the right of the dividing line through the point."""
-    if abs(cut[0]) < 1e-12:
-        return 0
-    x = point[0] - cut[1] * (row + 0.5 - point[1]) / cut[0] - 0.5
-    return int(ceil(min(max(x, -1e9), 1e9)))
+def _cut_line(point, cut):
+    """Of the dividing line through the point: its column in row 0, how much that grows a row, and which side is
+    ahead: 1 to the right, -1 to the left, and for a line along the rows 2 below, -2 above."""
+    if abs(cut[0]) < 1e-9:
+        return point[1] - 0.5, 0.0, 2 if cut[1] > 0.0 else -2
+    slope = -cut[1] / cut[0]
+    return point[0] - 0.5 - slope * (point[1] - 0.5), slope, 1 if cut[0] > 0.0 else -1
 
 
 @nb.njit(inline="always")
-def _columns(row, p, q, cut_p, cut_q, tx, ty, reach, width):
-    """First and last column of the row that belong to the piece p..q and are within reach of its centreline."""
-    y = row + 0.5 - p[1]
-    left, right = 0, width - 1
-    if abs(ty) > 1e-12:  # |-ty x + tx y| <= reach
-        a, b = (tx * y - reach) / ty, (tx * y + reach) / ty
-        left = max(left, int(ceil(max(min(a, b) + p[0] - 0.5, -1e9))))
-        right = min(right, int(floor(min(max(a, b) + p[0] - 0.5, 1e9))))
-    elif abs(tx * y) > reach:
-        return 0, -1
-    for end in range(2):
-        point, cut = (p, cut_p) if end == 0 else (q, cut_q)
-        if abs(cut[0]) < 1e-12:
-            behind = cut[1] * (row + 0.5 - point[1]) < 0.0
-            if behind == (end == 0):
-                return 0, -1
-            continue
-        column = _cut_column(row, point, cut)
-        if (cut[0] > 0.0) == (end == 0):
+def _first_column(x):
+    return int(ceil(min(max(x, -1e9), 1e9)))
+
+
+@nb.njit(cache=True)
+def _edges(p, q, cut_p, cut_q, tx, ty, reach, edges):
+    """Everything that bounds the pixels of the piece p..q, for `_columns`, into edges (9,)."""
+    if abs(ty) > 1e-9:  # |-ty x + tx y| <= reach, x and y from p
+        edges[0] = tx / ty
+        edges[1] = p[0] - 0.5 - edges[0] * (p[1] - 0.5)
+        edges[2] = reach / abs(ty)
+    else:
+        edges[0], edges[1], edges[2] = 0.0, p[0], 1e9
+    edges[3], edges[4], edges[5] = _cut_line(p, cut_p)
+    edges[6], edges[7], edges[8] = _cut_line(q, cut_q)
+
+
+@nb.njit(inline="always")
+def _columns(row, edges, width):
+    """First and last column of the row that belong to the piece and are within reach of its centreline."""
+    middle = edges[1] + edges[0] * row
+    left = max(0, _first_column(middle - edges[2]))
+    right = min(width - 1, int(floor(min(max(middle + edges[2], -1e9), 1e9))))
+    if abs(edges[5]) == 1.0:
+        column = _first_column(edges[3] + edges[4] * row)
+        if edges[5] > 0.0:
             left = max(left, column)
         else:
             right = min(right, column - 1)
+    elif (row >= edges[3]) != (edges[5] > 0.0):
+        return 0, -1
+    if abs(edges[8]) == 1.0:
+        column = _first_column(edges[6] + edges[7] * row)
+        if edges[8] > 0.0:
+            right = min(right, column - 1)
+        else:
+            left = max(left, column)
+    elif (row >= edges[6]) == (edges[8] > 0.0):
+        return 0, -1
     return left, right
 
 
@@ -191,7 +209,7 @@ def _joint(point, camera):
 
 
 @nb.njit(cache=True, fastmath=True)
-def _darken_piece(p, q, cut_p, cut_q, camera, radius, alpha, height, width, start, spread, transmittance):
+def _darken_piece(p, q, cut_p, cut_q, camera, radius, alpha, height, width, start, spread, edges, transmittance):
     ax, ay = p[0], p[1]
     dx, dy = q[0] - ax, q[1] - ay
     length = sqrt(dx * dx + dy * dy)
@@ -200,10 +218,11 @@ def _darken_piece(p, q, cut_p, cut_q, camera, radius, alpha, height, width, star
     tx, ty = dx / length, dy / length
     r = _half_width(p, q, camera) * radius
     reach = r + REACH * spread
+    _edges(p, q, cut_p, cut_q, tx, ty, reach, edges)
     top, bottom = _rows(p, q, tx, reach, height)
     for j in range(top, bottom + 1):
         y = j + 0.5 - ay
-        left, right = _columns(j, p, q, cut_p, cut_q, tx, ty, reach, width)
+        left, right = _columns(j, edges, width)
         at = start + j * width
         for i in range(left, right + 1):
             d = abs(-ty * (i + 0.5 - ax) + tx * y)
@@ -223,7 +242,7 @@ def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offse
         height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
         for i in range(start, start + height * width):
             transmittance[i] = 1.0
-        line, cuts = np.empty((points.shape[1], 3)), np.empty((points.shape[1], 2))
+        line, cuts, edges = np.empty((points.shape[1], 3)), np.empty((points.shape[1], 2)), np.empty(9)
         for k in range(points.shape[0]):
             if not _project(points[k], camera, line):
                 continue
@@ -242,6 +261,7 @@ def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offse
                         width,
                         start,
                         spread,
+                        edges,
                         transmittance,
                     )
         for k in range(joints.shape[0]):
@@ -252,13 +272,9 @@ def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offse
                 continue
             r = 0.5 * (camera[12] + camera[13]) * joint_radius[k] / z
             reach = r + REACH * spread
-            for j in range(
-                max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1
-            ):
+            for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
                 at = start + j * width
-                for i in range(
-                    max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1
-                ):
+                for i in range(max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1):
                     d = sqrt((i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2)
                     if d <= reach:
                         c = min(_coverage(d, r, spread), OPAQUE)
@@ -279,7 +295,7 @@ def _pull(point, nx, ny, camera, m):
 
 @nb.njit(cache=True, fastmath=True)
 def _gather_edge(
-    p, q, cut_p, cut_q, camera, radius, alpha, height, width, start, spread, transmittance, residual, sums
+    p, q, cut_p, cut_q, camera, radius, alpha, height, width, start, spread, edges, transmittance, residual, sums
 ):
     """Moments over the pixels of one piece, into sums: (1-t)^2 w, t(1-t) w, t^2 w, (1-t) g, t g, and for the
     radius w and g, with w the squared and g the residual-weighted derivative of the picture."""
@@ -295,10 +311,11 @@ def _gather_edge(
     r = unit * radius
     reach = r + REACH * spread
     core = r - REACH * spread  # inside, the coverage is flat and tells nothing of the place
+    _edges(p, q, cut_p, cut_q, tx, ty, reach, edges)
     top, bottom = _rows(p, q, tx, reach, height)
     for j in range(top, bottom + 1):
         y = j + 0.5 - ay
-        left, right = _columns(j, p, q, cut_p, cut_q, tx, ty, reach, width)
+        left, right = _columns(j, edges, width)
         at = start + j * width
         for i in range(left, right + 1):
             x = i + 0.5 - ax
@@ -358,7 +375,7 @@ def gather_struts(
     """
     pieces = points.shape[1] - 1
     for k in nb.prange(points.shape[0]):
-        line, cuts = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2))
+        line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(9)
         sums = np.empty(7)
         pull_a, pull_b = np.empty(3), np.empty(3)
         slope = np.zeros((pieces + 1, 3))
@@ -387,6 +404,7 @@ def gather_struts(
                     shapes[v, 1],
                     offsets[v],
                     spread,
+                    edges,
                     transmittance,
                     residual,
                     sums,
@@ -399,9 +417,7 @@ def gather_struts(
                 _pull(line[p], -dy / length, dx / length, camera, pull_a)
                 _pull(line[p + 1], -dy / length, dx / length, camera, pull_b)
                 unit = _half_width(line[p], line[p + 1], camera)
-                _half_width_slope(
-                    line[p], line[p + 1], camera, sums[6] * radius[k, p] / unit, slope[p], slope[p + 1]
-                )
+                _half_width_slope(line[p], line[p + 1], camera, sums[6] * radius[k, p] / unit, slope[p], slope[p + 1])
                 for a in range(3):
                     slope[p, a] += sums[3] * pull_a[a]
                     slope[p + 1, a] += sums[4] * pull_b[a]
@@ -437,9 +453,7 @@ def _to_control_points(basis, own, cross, slope, hessian, gradient):
 
 
 @nb.njit(parallel=True, cache=True, fastmath=True)
-def gather_joints(
-    joints, joint_radius, cameras, shapes, offsets, spread, transmittance, residual, hessian, gradient
-):
+def gather_joints(joints, joint_radius, cameras, shapes, offsets, spread, transmittance, residual, hessian, gradient):
     """Gauss-Newton terms of the joints' discs: hessian (V, 3, 3) and gradient (V, 3) are overwritten."""
     for k in nb.prange(joints.shape[0]):
         for a in range(3):
@@ -462,13 +476,9 @@ def gather_joints(
             r = 0.5 * (camera[12] + camera[13]) * joint_radius[k] / z
             reach = r + REACH * spread
             hxx, hxy, hyy, gx, gy = 0.0, 0.0, 0.0, 0.0, 0.0
-            for j in range(
-                max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1
-            ):
+            for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
                 at = start + j * width
-                for i in range(
-                    max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1
-                ):
+                for i in range(max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1):
                     ex, ey = i + 0.5 - x, j + 0.5 - y
                     d = sqrt(ex * ex + ey * ey)
                     if d > reach or d < 1e-9:
@@ -495,9 +505,7 @@ def gather_joints(
 
 
 @nb.njit(parallel=True, cache=True, fastmath=True)
-def gather_opacity(
-    points, radius, opacity, cameras, shapes, offsets, spread, transmittance, residual, evidence
-):
+def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spread, transmittance, residual, evidence):
     """What the pictures say of each piece's presence.
 
     evidence (E, P, 2), out: the squared weight W = sum (T_others c)^2 and the slope sum residual T_others c, so
@@ -505,7 +513,7 @@ def gather_opacity(
     """
     pieces = points.shape[1] - 1
     for k in nb.prange(points.shape[0]):
-        line, cuts = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2))
+        line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(9)
         for p in range(pieces):
             evidence[k, p, 0] = 0.0
             evidence[k, p, 1] = 0.0
@@ -524,11 +532,12 @@ def gather_opacity(
                 tx, ty = dx / length, dy / length
                 r = _half_width(a, b, camera) * radius[k, p]
                 reach = r + REACH * spread
+                _edges(a, b, cuts[p], cuts[p + 1], tx, ty, reach, edges)
                 top, bottom = _rows(a, b, tx, reach, height)
                 weight, slope = 0.0, 0.0
                 for j in range(top, bottom + 1):
                     y = j + 0.5 - a[1]
-                    left, right = _columns(j, a, b, cuts[p], cuts[p + 1], tx, ty, reach, width)
+                    left, right = _columns(j, edges, width)
                     at = start + j * width
                     for i in range(left, right + 1):
                         c = _coverage(abs(-ty * (i + 0.5 - a[0]) + tx * y), r, spread)

@@ -68,13 +68,7 @@ def _fill(starts, ends, radius, camera, picture):
             y0 = min((a[1] - r) / a[2], (b[1] - r) / b[2])
             y1 = max((a[1] + r) / a[2], (b[1] + r) / b[2])
             # A sphere's outline reaches a little further than its centre plus r / z; a tenth of r is plenty.
-            spare = (
-                0.1
-                * r
-                / min(a[2], b[2])
-                * (1.0 + max(max(abs(x0), abs(x1)), max(abs(y0), abs(y1))) ** 2)
-                * 5.0
-            )
+            spare = 0.1 * r / min(a[2], b[2]) * (1.0 + max(max(abs(x0), abs(x1)), max(abs(y0), abs(y1))) ** 2) * 5.0
             left = max(0, int(floor((x0 - spare) * camera[12] + camera[14] - 0.5)))
             right = min(width - 1, int(ceil((x1 + spare) * camera[12] + camera[14] - 0.5)))
             top = max(first, int(floor((y0 - spare) * camera[13] + camera[15] - 0.5)))
@@ -144,9 +138,7 @@ def silhouettes(
 
 def _pieces(frame: Wireframe, present: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Straight pieces (S, 3), (S, 3) and their radius (S,)."""
-    interval = (
-        np.tile([0.0, 1.0], (frame.strut_count, 1)) if present is None else np.asarray(present, dtype=float)
-    )
+    interval = np.tile([0.0, 1.0], (frame.strut_count, 1)) if present is None else np.asarray(present, dtype=float)
     there = frame.printed & (interval[:, 1] > interval[:, 0])
     control, interval, radius = frame.control_points[there], interval[there], frame.radius[there]
     thirds = np.linspace(control[:, 0], control[:, 3], 4, axis=1)

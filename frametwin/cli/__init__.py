@@ -1,0 +1,1 @@
+"""The command ``frametwin``. Nothing heavy is imported before a command runs."""

@@ -1,0 +1,200 @@
+"""``frametwin demo``: simulate, fit and evaluate in one go, with a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from frametwin import __version__
+from frametwin.cli.common import (
+    FOLDER,
+    Size,
+    json_option,
+    load_frame,
+    overwrite_option,
+    print_facts,
+    print_json,
+    print_table,
+    quiet_option,
+)
+from frametwin.cli.display import Display
+from frametwin.cli.evaluate import describe_detection, error_rows
+from frametwin.cli.fit import PRESETS, summary, summary_facts
+from frametwin.errors import InputError
+
+if TYPE_CHECKING:
+    from frametwin.capture import Capture
+    from frametwin.evaluate import Errors
+    from frametwin.findings import Detection
+    from frametwin.fit.api import FitResult
+    from frametwin.simulate import Simulation
+
+MARK = "demo.json"
+CONTENT = frozenset({MARK, "capture", "run", "views.png"})
+
+
+@click.command("demo", short_help="Simulate, fit and evaluate a frame, and draw the views.")
+@click.option(
+    "--frame",
+    default="bridge",
+    show_default=True,
+    metavar="FRAME",
+    help="bridge (76 struts), half_bowl (156, curved), lattice_tower (804), or a frame file.",
+)
+@click.option(
+    "--out",
+    type=FOLDER,
+    default="out/demo",
+    show_default=True,
+    help="The folder to write. An earlier demo in it is replaced.",
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of all that is random.")
+@click.option("--views", type=click.IntRange(2, 100), default=8, show_default=True, help="Number of cameras.")
+@click.option("--size", type=Size(), default="1200x1600", show_default=True, help="Height x width of the pictures.")
+@click.option(
+    "--missing", type=click.IntRange(0), default=0, show_default=True, help="Number of struts that broke off."
+)
+@click.option("--preset", type=click.Choice(PRESETS), default="fast", show_default=True, help="See fit --help.")
+@overwrite_option("the folder, whatever is in it,")
+@quiet_option
+@json_option
+def command(
+    frame: str,
+    out: Path,
+    seed: int,
+    views: int,
+    size: tuple[int, int],
+    missing: int,
+    preset: str,
+    overwrite: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Let a frame sag, take its pictures, find it in them again, and compare with the truth.
+
+    The table shows how far the plan was from the truth, and how far the twin is: between the curves, at the
+    joints, and at equal parameter (see frametwin evaluate --help), in mm.
+
+    \b
+    The folder then holds
+      capture/    the pictures, the plan and the truth, as from frametwin simulate
+      run/        the twin and its field, as from frametwin fit
+      views.png   all views with plan, truth and twin drawn over each other
+      demo.json   the table of errors
+
+    \b
+    Examples:
+      frametwin demo
+      frametwin demo --frame lattice_tower --missing 3 --out out/tower
+    """
+    replace = overwrite or is_own_demo(out)
+    if out.is_dir() and any(out.iterdir()) and not replace:
+        remedy = "choose another folder, or give --overwrite to replace all that is in it"
+        raise InputError.at(out, "--out", "holds something else than an earlier demo", remedy)
+    plan = load_frame(frame)
+    from frametwin.files import staged_directory
+    from frametwin.simulate import SimulationSettings
+
+    settings = SimulationSettings(views=views, size=size, seed=seed, missing=missing)
+    with Display(quiet) as display, staged_directory(out, overwrite=replace) as stage:
+        done = run_demo(plan, settings, preset, stage, display)
+    if as_json:
+        print_json({"out": out, **done.as_dict()})
+        return
+    print_facts(f"demo: {out}", done.facts())
+    columns = ("", *(f"{who} {figure}" for who in ("plan", "twin") for figure in ("mean", "p95", "max")))
+    print_table("Distance from the truth in mm", columns, error_rows(done.before, done.after))
+    if done.detection is not None:
+        click.echo(describe_detection(done.detection))
+    click.echo(f"Look at {out / 'views.png'}: plan, truth and twin over what the cameras saw.")
+    click.echo(f"The capture is {out / 'capture'}, the twin {out / 'run' / 'twin.json'}.")
+
+
+def is_own_demo(path: Path) -> bool:
+    """Whether a folder holds an earlier demo and nothing else, so that it may be replaced."""
+    return (path / MARK).is_file() and {item.name for item in path.iterdir()} <= CONTENT
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """What a demo found."""
+
+    simulation: Simulation
+    result: FitResult
+    before: Errors
+    after: Errors
+    detection: Detection | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """As for a JSON file."""
+        found = {} if self.detection is None else {"missing_struts": self.detection.as_dict()}
+        return {
+            **summary(self.result.twin, self.simulation.frame),
+            "unit": "mm",
+            "largest_displacement": self.simulation.peak,
+            "plan": self.before.summary(),
+            "twin": self.after.summary(),
+            **found,
+        }
+
+    def facts(self) -> list[tuple[str, str]]:
+        """For people."""
+        data = summary(self.result.twin, self.simulation.frame)
+        sag = ("largest displacement", f"{self.simulation.peak:.4g} mm")
+        return [*summary_facts(data, len(self.simulation.cameras)), sag]
+
+
+def run_demo(plan: Any, settings: Any, preset: str, folder: Path, display: Display) -> Done:
+    """Simulate, fit, evaluate and draw into ``folder``."""
+    from frametwin.capture import read_capture
+    from frametwin.evaluate import evaluate
+    from frametwin.files import write_json
+    from frametwin.findings import Detection, missing_struts
+    from frametwin.fit.api import fit_capture, write_run
+    from frametwin.simulate import simulate, write_simulation
+
+    simulation = simulate(plan, settings, display)
+    write_simulation(folder / "capture", simulation)
+    capture = read_capture(folder / "capture")
+    result = fit_capture(capture, preset, seed=settings.seed, callback=display)
+    write_run(folder / "run", result, capture)
+    frame, truth, present = simulation.frame, simulation.truth, simulation.present
+    before = evaluate(frame.control_points, frame.vertices, truth, present)
+    after = evaluate(result.twin.control_points, result.twin.vertices, truth, present)
+    detection = None
+    if settings.missing:
+        detection = Detection.of(missing_struts(result.twin, frame.printed), present, frame.printed)
+    done = Done(simulation, result, before, after, detection)
+    _draw(folder / "views.png", capture, done, display)
+    notes = {"format": "frametwin-demo", "version": 1, "frametwin": __version__, "preset": preset}
+    write_json(folder / MARK, {**notes, **done.as_dict()})
+    return done
+
+
+def _draw(path: Path, capture: Capture, done: Done, display: Display) -> None:
+    from frametwin.contact_sheet import contact_sheet, find_close_ups
+    from frametwin.image_files import write_png
+    from frametwin.overlay import layers_of
+    from frametwin.progress import Progress, report
+
+    report(display, Progress("drawing views", 0, 1))
+    frame, truth, twin = done.simulation.frame, done.simulation.truth, done.result.twin
+    printed = frame.printed
+    cameras = [view.camera for view in capture.views]
+    before, after = done.before.curves, done.after.curves
+    sheet = contact_sheet(
+        cameras,
+        done.simulation.images,
+        layers_of(frame.control_points[printed], truth.control_points[printed], twin.control_points[printed]),
+        title=f"{frame.name}: {int(printed.sum())} struts, {len(cameras)} views",
+        subtitle=f"Distance between the curves of twin and truth: {after.mean:.3f} mm on average, {after.max:.2f} mm"
+        f" at most. The plan was {before.mean:.1f} mm away on average and {before.max:.1f} mm at most.",
+        close_ups=find_close_ups(
+            cameras, frame.vertices, truth.vertices, twin.vertices, joints=frame.printed_vertices()
+        ),
+    )
+    write_png(path, sheet)
+    report(display, Progress("drawing views", 1, 1))

@@ -1,0 +1,198 @@
+"""``frametwin fit``: a digital twin from a capture."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from frametwin.cli.common import (
+    FOLDER,
+    check_output_folder,
+    json_option,
+    listed,
+    overwrite_option,
+    print_facts,
+    print_json,
+    quiet_option,
+)
+from frametwin.cli.display import Display
+from frametwin.errors import InputError
+
+if TYPE_CHECKING:
+    from frametwin.twin import Twin
+    from frametwin.wireframe import Wireframe
+
+PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven")
+"""As `frametwin.fit.api.PRESETS`, which takes seconds to import."""
+
+
+@click.command("fit", short_help="Find the digital twin of a capture.")
+@click.argument("capture", type=FOLDER)
+@click.option("--out", type=FOLDER, required=True, metavar="RUN", help="The run folder to write.")
+@click.option(
+    "--preset",
+    type=click.Choice(PRESETS),
+    default="fast",
+    show_default=True,
+    help="fast: seconds, and the most accurate; paper: the published method, minutes to hours;"
+    " paper-lattice: the same with a lattice in place of the network; curve-driven and deformation-driven:"
+    " what the paper compares with.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Of what the preset draws at random; fast draws nothing.",
+)
+@click.option(
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Change a setting of the preset; can be given several times. An unknown name lists them all.",
+)
+@click.option(
+    "--warm-start",
+    type=FOLDER,
+    metavar="RUN",
+    help="Start from the field of an earlier run of the same frame, such as that of the last batch.",
+)
+@overwrite_option("RUN")
+@quiet_option
+@json_option
+def command(
+    capture: Path,
+    out: Path,
+    preset: str,
+    seed: int,
+    assignments: tuple[str, ...],
+    warm_start: Path | None,
+    overwrite: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Find where every strut of the CAPTURE's frame is.
+
+    RUN is a folder with the twin (twin.json: curves of all struts in mm, those still to be printed moved to
+    meet the printed ones; thickness, opacity, completeness and confidence of each), the deformation field
+    (field.safetensors) and the plan (frame.json). Struts that are missing or broken off are named, and so
+    are those that the views do not determine.
+
+    The pictures are masks (white print, black ground), or photos of bright struts on a darker ground, better
+    with the same views before printing in CAPTURE/background.
+
+    \b
+    Examples:
+      frametwin fit out/bridge --out out/bridge_run
+      frametwin fit out/batch2 --out out/run2 --warm-start out/run1
+      frametwin fit out/bridge --out out/paper --preset paper --set iterations=50 --set image_scale=0.25
+    """
+    check_output_folder(out, overwrite, "twin.json")
+    from frametwin.capture import read_capture
+    from frametwin.fit.api import fit_capture, settings_of, write_run
+
+    changes = parse_changes(assignments, settings_of(preset, seed))
+    content = read_capture(capture)
+    with Display(quiet) as display:
+        result = fit_capture(content, preset, seed=seed, changes=changes, warm_start=warm_start, callback=display)
+        write_run(out, result, content, overwrite=overwrite)
+    data = summary(result.twin, content.frame)
+    if as_json:
+        print_json({"out": out, "preset": preset, "views": len(content.views), **data})
+    else:
+        print_facts(f"run: {out}", summary_facts(data, len(content.views)))
+
+
+def summary(twin: Twin, frame: Wireframe) -> dict[str, Any]:
+    """What a fit found, as for a JSON file."""
+    from frametwin.findings import missing_struts, uncertain_struts
+
+    missing = missing_struts(twin, frame.printed)
+    uncertain = uncertain_struts(twin, frame.printed)
+    return {
+        "frame": frame.name,
+        "struts": frame.strut_count,
+        "printed": int(frame.printed.sum()),
+        "missing": [{"strut": int(i), "completeness": float(twin.completeness[i])} for i in missing],
+        "uncertain": [{"strut": int(i), "confidence": float(twin.confidence[i])} for i in uncertain],
+        "loss": twin.loss[-1] if twin.loss else None,
+        "seconds": float(twin.timing.get("total", 0.0)),
+        "timing": dict(twin.timing),
+    }
+
+
+def summary_facts(data: dict[str, Any], views: int) -> list[tuple[str, str]]:
+    """The same for people."""
+    there = [f"{item['strut']} ({item['completeness']:.0%} there)" for item in data["missing"]]
+    more = [f"and {len(there) - 20} more"] if len(there) > 20 else []
+    facts = [
+        ("frame", f"{data['frame']}, {data['printed']} of {data['struts']} struts printed, {views} views"),
+        ("missing struts", ", ".join([*there[:20], *more]) or "none"),
+        ("uncertain struts", listed([item["strut"] for item in data["uncertain"]])),
+        ("time", f"{data['seconds']:.1f} s"),
+    ]
+    if data["loss"] is not None:
+        facts.append(("loss", f"{data['loss']:.4g}"))
+    return facts
+
+
+def parse_changes(assignments: Sequence[str], settings: Any) -> dict[str, Any]:
+    """Read ``name=value`` pairs into values of the same kinds as those of ``settings``, a dataclass.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or given twice, or a value is of another kind.
+    """
+    known = {
+        field.name: getattr(settings, field.name)
+        for field in dataclasses.fields(settings)
+        if field.name not in ("preset", "seed") and _can_be_typed(getattr(settings, field.name))
+    }
+    changes: dict[str, Any] = {}
+    for assignment in assignments:
+        name, sign, text = (part.strip() for part in assignment.partition("="))
+        if name not in known or not sign or name in changes:
+            problem = "is given twice" if name in changes else "is not a setting" if sign else "is not NAME=VALUE"
+            raise InputError.at("--set", assignment, problem, f"use one of {_described(known)}, each once")
+        changes[name] = _value(name, text, known[name])
+    return changes
+
+
+def _can_be_typed(value: Any) -> bool:
+    parts = value if isinstance(value, tuple) else (value,)
+    return all(isinstance(part, bool | int | float | str) for part in parts)
+
+
+def _described(known: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name}={_typed(value)}" for name, value in known.items())
+
+
+def _typed(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ",".join(_typed(part) for part in value)
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _value(name: str, text: str, example: Any) -> Any:
+    """Parse a value of the kind of ``example``: whole numbers for lists and counts, true or false ..."""
+    if isinstance(example, tuple):
+        parts = text.strip("[]() ").replace(",", " ").split()
+        return tuple(_value(name, part, example[0]) for part in parts)
+    if isinstance(example, str):
+        return text
+    try:
+        value = json.loads(text)
+    except ValueError:
+        value = None
+    fits = isinstance(value, bool) == isinstance(example, bool) and isinstance(value, bool | int | float)
+    if not fits or (isinstance(example, int) and not isinstance(value, int)):
+        remedy = f"give a value such as {name}={_typed(example)}"
+        raise InputError.at("--set", name, f"{text!r} is of another kind", remedy)
+    return float(value) if isinstance(example, float) else value

@@ -1,0 +1,108 @@
+"""The group of all commands, and what becomes of errors: exit codes and one sentence each."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any
+
+import click
+
+from frametwin import __version__
+from frametwin.cli import interrupts
+from frametwin.errors import Cancelled, FrameTwinError, InputError
+
+COMMANDS = ("demo", "simulate", "fit", "evaluate", "convert", "info")
+"""In the order in which they are listed; each is a module of this package with a ``command``."""
+
+DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+class Commands(click.Group):
+    """Commands whose modules are imported when they are needed, and whose errors become exit codes."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Name all commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the module of a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(f"frametwin.cli.{cmd_name}").command
+        return command
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run; an interrupt counts as cancelled, so that click does not print an empty line for it."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interrupt:
+            raise Cancelled("interrupted") from interrupt
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run a command line and leave the process with its exit code; see `click.Command.main`."""
+        with interrupts.handled():
+            code = self._run(*args, **{"prog_name": "frametwin", **extra, "standalone_mode": False})
+        sys.exit(code)
+
+    def _run(self, *args: Any, **extra: Any) -> int:
+        try:
+            result = super().main(*args, **extra)
+            return result if isinstance(result, int) else DONE
+        except click.exceptions.UsageError as error:
+            return _usage(error)
+        except click.ClickException as error:
+            return _say(error.format_message(), error.exit_code)
+        except (Cancelled, KeyboardInterrupt, click.Abort):
+            return _say("Interrupted.", INTERRUPTED)
+        except InputError as error:
+            return _say(str(error), WRONG_INPUT)
+        except FrameTwinError as error:
+            return _say(str(error), FAILED)
+        except Exception:
+            if not interrupts.requested():
+                raise
+            return _say("Interrupted.", INTERRUPTED)  # an interrupt may surface as another error
+
+
+def _say(sentence: str, code: int) -> int:
+    click.echo(" ".join(sentence.split()), err=True)
+    return code
+
+
+def _usage(error: click.UsageError) -> int:
+    """One sentence on what is wrong with the command line, and where help is; the help itself if asked for."""
+    if error.ctx is None or isinstance(error, getattr(click.exceptions, "NoArgsIsHelpError", ())):
+        error.show()
+        return WRONG_INPUT
+    path = error.ctx.command_path
+    message = error.format_message().rstrip(".")
+    return _say(f"{path}: {message}; see '{path} --help'.", WRONG_INPUT)
+
+
+@click.command(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, message="frametwin %(version)s")
+def cli() -> None:
+    """Find where every strut of a wireframe print really is, from its plan and about eight pictures.
+
+    \b
+    Try it:            frametwin demo
+    Your own pictures: frametwin fit CAPTURE --out RUN
+    No pictures yet:   frametwin simulate FRAME --out CAPTURE
+
+    A FRAME is the plan: frame.json, an OBJ with lines, a mesh, an assembly JSON, a pair of Node/Edge text
+    files, or one of the built-in frames bridge, half_bowl and lattice_tower. A CAPTURE is a folder with the
+    plan (frame.json), the cameras (transforms.json) and the pictures (images/). A RUN is the folder that a
+    fit writes: the digital twin (twin.json) and the field of its deformation. Lengths are in mm.
+
+    Exit codes: 0 done, 2 something about the input (one sentence on standard error says what and what to
+    do), 130 interrupted. Output folders are written whole or not at all.
+    """
+
+
+def main() -> None:
+    """Entry point of the command ``frametwin``."""
+    cli()

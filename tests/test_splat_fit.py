@@ -1,0 +1,289 @@
+"""The paper's fit on a small frame: it converges, repeats itself, reports, stops and refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+
+from frametwin import bezier
+from frametwin.cameras import Camera
+from frametwin.errors import Cancelled, InputError
+from frametwin.fit.sampling import CurveSampling
+from frametwin.fit.settings import FIELD_KINDS, PRESETS, FitSettings, preset
+from frametwin.fit.splat_fit import SplatFit, fit_splats
+from frametwin.progress import Progress
+from frametwin.raster.silhouette import silhouettes
+from frametwin.rigs import ring_rig
+from frametwin.wireframe import Wireframe
+
+QUICK = {"iterations": 4, "samples": 4, "kernels_per_strut": 4, "bending_samples": 64}
+SIZE = (72, 96)
+
+
+def bent(frame: Wireframe) -> Wireframe:
+    """The frame leaning over more and more with height, 3 mm at its top, and sinking a little."""
+
+    def displacement(points: np.ndarray) -> np.ndarray:
+        z = points[..., 2] / 40.0
+        return np.stack([3.0 * z**2, -1.0 * z, -0.8 * z**2], axis=-1)
+
+    samples = bezier.evaluate(frame.control_points, np.linspace(0.0, 1.0, 13))
+    curves = bezier.refit_matrix(12) @ (samples + displacement(samples))
+    vertices = frame.vertices + displacement(frame.vertices)
+    curves[:, 0], curves[:, 3] = vertices[frame.edges[:, 0]], vertices[frame.edges[:, 1]]
+    return frame.replace(vertices=vertices, control_points=curves)
+
+
+def pictures(frame: Wireframe, cameras: list[Camera]) -> list[np.ndarray]:
+    return [picture.astype(np.float32) / 255.0 for picture in silhouettes(frame, cameras, supersampling=4)]
+
+
+def error(curves: np.ndarray, truth: Wireframe) -> float:
+    """Mean distance in mm between two sets of curves, both ways."""
+    u = np.linspace(0.0, 1.0, 41)
+    one, other = (bezier.evaluate(c, u).reshape(-1, 3) for c in (curves, truth.control_points))
+    return float(0.5 * (cKDTree(one).query(other)[0].mean() + cKDTree(other).query(one)[0].mean()))
+
+
+@pytest.fixture
+def scene(curved_frame: Wireframe) -> tuple[Wireframe, Wireframe, list[Camera], list[np.ndarray]]:
+    """Plan, truth, cameras of two sizes and masks."""
+    truth = bent(curved_frame)
+    cameras = list(ring_rig(curved_frame, 5, size=SIZE))
+    cameras[1] = cameras[1].resized(128, 96)
+    return curved_frame, truth, cameras, pictures(truth, cameras)
+
+
+class TestFit:
+    @pytest.mark.parametrize(
+        ("name", "rates", "share"),
+        [
+            ("paper", (5e-4, 5e-5), 0.3),
+            ("paper-lattice", (1e-2, 1e-3), 0.25),
+            ("deformation-driven", (6e-3, 1e-3), 0.4),
+        ],
+    )
+    def test_converges(self, name: str, rates: tuple[float, float], share: float, scene: tuple) -> None:
+        plan, truth, cameras, masks = scene
+        settings = preset(
+            name, iterations=80, samples=5, kernels_per_strut=8, bending_samples=64,
+            learning_rate=rates[0], learning_rate_end=rates[1], node_count=30,
+        )  # fmt: skip
+        fit = fit_splats(plan, cameras, masks, settings)
+        before = error(plan.control_points, truth)
+        assert before > 1.0
+        assert error(fit.control_points, truth) < share * before
+        assert fit.loss_history[-1] < 0.5 * fit.loss_history[0]
+        assert len(fit.loss_history) == 80
+
+    def test_free_control_points_follow_the_pictures(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        changes = {**QUICK, "iterations": 40, "learning_rate": 8e-3}
+        fit = fit_splats(plan, cameras, masks, preset("curve-driven", **changes))
+        assert fit.loss_history[-1] < 0.5 * fit.loss_history[0]
+
+    def test_thickness_comes_out_as_the_radius(self, scene: tuple) -> None:
+        plan, _, cameras, _ = scene
+        settings = preset("paper", **{**QUICK, "iterations": 60, "thickness_rate": 2e-2})
+        fit = fit_splats(plan.replace(radius=np.full(24, 1.4)), cameras, pictures(plan, cameras), settings)
+        assert fit.thickness.shape == (24, 4)
+        assert np.median(fit.thickness) == pytest.approx(1.0, rel=0.15)  # the pictures' struts, not the plan's
+
+    def test_a_missing_strut_fades(self, scene: tuple) -> None:
+        plan, _, cameras, _ = scene
+        gone = np.arange(24) == 7
+        masks = pictures(plan.subset(~gone)[0], cameras)
+        settings = preset("paper", **{**QUICK, "iterations": 40, "kernels_per_strut": 8, "opacity_rate": 0.1})
+        fit = fit_splats(plan, cameras, masks, settings)
+        assert np.median(fit.opacity[7]) < 0.3 < np.median(fit.opacity[~gone])
+        assert np.argmin(np.median(fit.opacity, axis=1)) == 7
+
+    def test_struts_stay_joined_exactly(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        fit = fit_splats(plan, cameras, masks, preset("paper", **QUICK))
+        ends = fit.control_points[:, [0, 3]].reshape(-1, 3)
+        joint = plan.edges.ravel()
+        for vertex in range(plan.vertex_count):
+            assert len(np.unique(ends[joint == vertex], axis=0)) == 1
+
+    @pytest.mark.parametrize("kind", ["network", "lattice", "nodes"])
+    def test_the_field_moves_the_plan_to_the_curves(self, kind: str, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        fit = fit_splats(plan, cameras, masks, preset("paper", field=kind, learning_rate=5e-3, **QUICK))
+        samples = bezier.evaluate(plan.control_points, np.arange(5) / 4)
+        moved = samples + fit.field.evaluate(samples.reshape(-1, 3)).reshape(samples.shape)
+        np.testing.assert_allclose(bezier.refit_matrix(4) @ moved, fit.control_points, atol=1e-4)
+        assert np.abs(fit.control_points - plan.control_points).max() > 0.01
+
+    def test_what_is_not_learnt_stays(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        settings = preset("paper", learn_thickness=False, learn_opacity=False, opacity_start=0.8, **QUICK)
+        fit = fit_splats(plan, cameras, masks, settings)
+        np.testing.assert_allclose(fit.opacity, 0.8, rtol=1e-6)
+        np.testing.assert_allclose(fit.thickness, 1.0, rtol=1e-5)
+
+    def test_kernels_that_adapt_leave_gaps_in_the_tables(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        settings = preset("paper", adaptive_kernels=True, **{**QUICK, "kernels_per_strut": 30})
+        fit = fit_splats(plan, cameras, masks, settings)
+        counts = np.isfinite(fit.thickness).sum(axis=1)
+        assert counts.min() < counts.max() == fit.thickness.shape[1]
+        assert np.array_equal(np.isnan(fit.thickness), np.isnan(fit.opacity))
+        assert np.corrcoef(counts, plan.lengths)[0, 1] > 0.95
+
+    def test_smaller_pictures(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        losses = [
+            fit_splats(plan, cameras, masks, preset("paper", image_scale=scale, **QUICK)).loss_history[0]
+            for scale in (1.0, 0.5)
+        ]
+        assert losses[1] == pytest.approx(losses[0] / 4.0, rel=0.25)  # a quarter of the pixels
+
+
+class TestRepeatability:
+    @pytest.mark.parametrize("kind", FIELD_KINDS)
+    def test_same_seed_same_bits(self, kind: str, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        settings = preset("paper", field=kind, **QUICK)
+        one, other = (fit_splats(plan, cameras, masks, settings) for _ in range(2))
+        for field in ("control_points", "thickness", "opacity"):
+            assert np.array_equal(getattr(one, field), getattr(other, field))
+        assert one.loss_history == other.loss_history
+        for name, tensor in one.field.tensors().items():
+            assert np.array_equal(tensor, other.field.tensors()[name])
+
+    def test_another_seed_gives_another_network(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        fits = [fit_splats(plan, cameras, masks, preset("paper", seed=seed, **QUICK)) for seed in (0, 1)]
+        assert not np.array_equal(fits[0].control_points, fits[1].control_points)
+
+    def test_the_callers_choices_in_torch_are_left_alone(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        state = torch.get_rng_state()
+        fit_splats(plan, cameras, masks, preset("paper", **QUICK))
+        assert not torch.are_deterministic_algorithms_enabled()
+        assert torch.equal(state, torch.get_rng_state())
+
+
+class TestProgress:
+    def test_every_iteration_is_reported(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        seen: list[Progress] = []
+        fit = fit_splats(plan, cameras, masks, preset("paper", **QUICK), seen.append)
+        assert [p.iteration for p in seen] == [1, 2, 3, 4]
+        assert {p.total for p in seen} == {4}
+        assert [p.loss for p in seen] == fit.loss_history
+        assert seen[0].control_points is not None
+        np.testing.assert_allclose(seen[0].control_points, plan.control_points, atol=1e-12)  # starts at the plan
+
+    def test_the_callback_stops_the_fit(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        seen: list[int] = []
+
+        def callback(progress: Progress) -> bool:
+            seen.append(progress.iteration)
+            return progress.iteration < 2
+
+        with pytest.raises(Cancelled):
+            fit_splats(plan, cameras, masks, preset("paper", **QUICK), callback)
+        assert seen == [1, 2]
+        assert not torch.are_deterministic_algorithms_enabled()
+
+
+class TestRefusals:
+    def fit(self, scene: tuple, cameras: list, masks: list) -> SplatFit:
+        return fit_splats(scene[0], cameras, masks, preset("paper", **QUICK))
+
+    def test_pictures_and_cameras_of_different_number(self, scene: tuple) -> None:
+        with pytest.raises(InputError, match="views: there are 4 pictures for 5 cameras"):
+            self.fit(scene, scene[2], scene[3][:-1])
+        with pytest.raises(InputError, match="views"):
+            self.fit(scene, [], [])
+
+    def test_pictures_of_another_size(self, scene: tuple) -> None:
+        masks = [*scene[3][:2], scene[3][2].T, *scene[3][3:]]
+        with pytest.raises(InputError, match=f"{scene[2][2].name}: size"):
+            self.fit(scene, scene[2], masks)
+
+    def test_cameras_with_distortion(self, scene: tuple) -> None:
+        bad = dataclasses.replace(scene[2][0], distortion=np.array([0.1, 0.0, 0.0, 0.0, 0.0]))
+        with pytest.raises(InputError, match="distortion: is not zero"):
+            self.fit(scene, [bad, *scene[2][1:]], scene[3])
+
+
+class TestSettings:
+    def test_the_default_is_the_paper(self) -> None:
+        settings = preset("paper")
+        assert settings == FitSettings()
+        assert (settings.iterations, settings.samples, settings.kernels_per_strut) == (150, 50, 20)
+        assert (settings.learning_rate, settings.learning_rate_end) == (1.6e-4, 1.6e-5)
+        assert (settings.bending_weight, settings.bending_power) == (1e-7, 2.0)
+        assert (settings.image_scale, settings.field, settings.spread) == (1.0, "network", 1.0)
+
+    @pytest.mark.parametrize("name", PRESETS)
+    def test_presets_carry_their_name(self, name: str) -> None:
+        assert preset(name).preset == name
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [
+            ("seed", -1),
+            ("iterations", 0),
+            ("iterations", 2.5),
+            ("iterations", True),
+            ("samples", 2),
+            ("kernels_per_strut", 0),
+            ("image_scale", 0.0),
+            ("image_scale", 1.5),
+            ("image_scale", float("nan")),
+            ("spread", -1.0),
+            ("pixel_variance", -0.1),
+            ("learning_rate", 0.0),
+            ("learning_rate_end", 1.0),
+            ("opacity_start", 1.0),
+            ("bending_weight", -1e-7),
+            ("bending_power", 0.0),
+            ("bending_samples", 0),
+            ("field", "wavelet"),
+            ("learn_opacity", 1),
+            ("lattice_cells", ()),
+            ("lattice_cells", (1, 0)),
+            ("node_neighbours", 0),
+            ("colour", "red"),
+        ],
+    )
+    def test_wrong_values_are_named(self, name: str, value: object) -> None:
+        with pytest.raises(InputError, match=f"settings: {name}: .*; .*"):
+            preset("paper", **{name: value})
+
+    def test_unknown_presets_are_named(self) -> None:
+        with pytest.raises(InputError, match=r"preset: 'best' is unknown; give one of paper, "):
+            preset("best")
+
+
+class TestSampling:
+    def test_joints_are_sampled_once(self, curved_frame: Wireframe) -> None:
+        sampling = CurveSampling.of(curved_frame, 5)
+        assert sampling.points.shape == (curved_frame.vertex_count + 4 * curved_frame.strut_count, 3)
+        inner = bezier.evaluate(curved_frame.control_points, np.arange(1, 5) / 5).reshape(-1, 3)
+        np.testing.assert_allclose(sampling.points[curved_frame.vertex_count :], inner, atol=1e-12)
+
+    def test_matrix_equals_the_map(self, curved_frame: Wireframe) -> None:
+        sampling = CurveSampling.of(curved_frame, 7)
+        values = np.random.default_rng(0).normal(size=sampling.points.shape)
+        mapped = sampling.control(torch.from_numpy(values)).numpy()
+        np.testing.assert_allclose((sampling.control_matrix @ values).reshape(-1, 4, 3), mapped, atol=1e-12)
+
+    def test_affine_motions_are_kept_exactly(self, curved_frame: Wireframe) -> None:
+        sampling = CurveSampling.of(curved_frame, 6)
+        matrix, shift = np.random.default_rng(0).normal(size=(3, 3)), np.array([1.0, 2.0, 3.0])
+        moved = sampling.control(torch.from_numpy(sampling.points @ matrix.T + shift)).numpy()
+        np.testing.assert_allclose(moved, curved_frame.control_points @ matrix.T + shift, atol=1e-9)
+
+    def test_refuses_too_few_samples(self, curved_frame: Wireframe) -> None:
+        with pytest.raises(ValueError, match="3"):
+            CurveSampling.of(curved_frame, 2)
