@@ -11,8 +11,18 @@ import numpy as np
 from frametwin.cameras import Camera
 from frametwin.overlay import FAINT, INK, PAPER, PRINT, SHIFT, Colour, Layer, Window, draw_view, window_of
 
-TILE = (450, 600)
-"""Height and width of one view in pixels."""
+TILE_AREA = 270_000
+"""Pixels of one view."""
+
+TILE_ASPECTS = (0.7, 1.7)
+"""Least and greatest height of a view, as a share of its width."""
+
+SHEET_ASPECT = 0.55
+"""Height of the grid of views that is aimed at, as a share of its width."""
+
+CLOSE_UP_HEIGHT = 540
+MIN_WIDTH = 1500
+"""Of the sheet, so that there is room for the header."""
 
 GAP = 12
 HEADER = 112
@@ -48,7 +58,6 @@ def contact_sheet(
     title: str,
     subtitle: str = "",
     close_ups: Sequence[CloseUp] = (),
-    tile: tuple[int, int] = TILE,
 ) -> np.ndarray:
     """All views of a capture in a grid, with the curves drawn over them.
 
@@ -61,20 +70,19 @@ def contact_sheet(
     title, subtitle
         What is shown.
     close_ups
-        Shown above the views, each as wide as its share of the sheet.
-    tile
-        Height and width of one view.
+        Shown above the views, side by side.
 
     Returns
     -------
     (H, W, 3) uint8, red, green, blue.
     """
-    columns = _columns(len(cameras))
-    width = columns * tile[1] + (columns + 1) * GAP
+    tile = _tile_size(cameras, layers)
+    columns = _columns(len(cameras), tile)
+    width = max(MIN_WIDTH, columns * tile[1] + (columns + 1) * GAP)
     rows = [_header(width, title, subtitle, layers)]
     if close_ups:
         part = (width - (len(close_ups) + 1) * GAP) // len(close_ups)
-        size = _close_up_size(tile, part)
+        size = (CLOSE_UP_HEIGHT, part)
         rows.append(_row([_close_up(cameras, masks, layers, shown, size) for shown in close_ups], width, size[0]))
     views = [
         _framed(draw_view(camera, mask, layers, size=tile, width=_line_width(camera, layers, tile)), camera.name)
@@ -91,7 +99,6 @@ def find_close_ups(
     twin: np.ndarray,
     *,
     joints: np.ndarray | None = None,
-    tile: tuple[int, int] = TILE,
 ) -> tuple[CloseUp, CloseUp]:
     """Close-ups of the joint that moved furthest and of the one at which the twin errs most.
 
@@ -103,18 +110,16 @@ def find_close_ups(
         (V, 3) joints in mm.
     joints
         (V,) bool, the ones to choose from; all by default.
-    tile
-        Height and width of one view of the sheet, which a close-up is larger than.
     """
     chosen = np.flatnonzero(np.ones(len(plan), dtype=bool) if joints is None else joints)
     moved = np.linalg.norm(truth - plan, axis=1)[chosen]
     missed = np.linalg.norm(twin - truth, axis=1)[chosen]
-    size = _close_up_size(tile, 2 * tile[1])
+    size = (CLOSE_UP_HEIGHT, 2 * CLOSE_UP_HEIGHT)  # about; the window grows with the sheet
     shown = np.concatenate([plan[chosen], truth[chosen]])
     spread = float(np.linalg.norm(np.ptp(shown, axis=0)))
     reasons = (
         (moved, plan, 0.1 * spread, f"Moved furthest: {moved.max():.1f} mm"),
-        (missed, twin, 0.025 * spread, f"Largest error at a joint: {missed.max():.2g} mm"),
+        (missed, twin, 0.025 * spread, f"Largest error at a joint: {missed.max():.2f} mm"),
     )
     found = []
     for distance, other, reach, caption in reasons:
@@ -158,11 +163,28 @@ def _about(
     return Window(float(middle[0]), float(middle[1]), zoom), density * zoom
 
 
-def _columns(count: int) -> int:
-    """Columns of a grid of ``count`` views: full rows where that is possible."""
-    if count <= 3:
-        return max(2, count)
-    return min((3, 4, 5), key=lambda columns: (-(-count // columns) * columns - count, abs(columns - 4)))
+def _tile_size(cameras: Sequence[Camera], layers: Sequence[Layer]) -> tuple[int, int]:
+    """Height and width of the views, tall for towers and wide for bridges."""
+    points = np.concatenate([layer.control_points.reshape(-1, 3) for layer in layers])
+    aspects = []
+    for camera in cameras:
+        pixels, depth = camera.project(points, distort=False)
+        if (depth > 0.0).any():
+            width, height = np.ptp(pixels[depth > 0.0], axis=0)
+            aspects.append(height / max(width, 1.0))
+    aspect = float(np.clip(np.median(aspects or [1.0]), *TILE_ASPECTS))
+    return round(np.sqrt(TILE_AREA * aspect)), round(np.sqrt(TILE_AREA / aspect))
+
+
+def _columns(count: int, tile: tuple[int, int]) -> int:
+    """Columns of a grid of ``count`` views: few empty places, and a sheet that is not too long either way."""
+
+    def cost(columns: int) -> float:
+        rows = -(-count // columns)
+        aspect = rows * tile[0] / (columns * tile[1])
+        return (rows * columns - count) / count + abs(np.log(aspect / SHEET_ASPECT))
+
+    return min(range(1, count + 1), key=cost)
 
 
 def _line_width(camera: Camera, layers: Sequence[Layer], size: tuple[int, int]) -> float:
@@ -170,11 +192,7 @@ def _line_width(camera: Camera, layers: Sequence[Layer], size: tuple[int, int]) 
     curves = layers[0].control_points
     pixels, _ = camera.project(curves[:, [0, 3]], distort=False)
     length = np.median(np.linalg.norm(np.diff(pixels, axis=1), axis=-1)) * window_of(camera, layers, size).zoom
-    return float(np.clip(length / 70.0, 0.35, 1.0))
-
-
-def _close_up_size(tile: tuple[int, int], width: int) -> tuple[int, int]:
-    return round(1.2 * tile[0]), width
+    return float(np.clip(length / 70.0, 0.4, 1.0))
 
 
 def _close_up(
@@ -187,7 +205,7 @@ def _close_up(
     camera, mask = cameras[shown.view], masks[shown.view]
     picture = draw_view(camera, mask, layers, size=size, window=shown.window, width=2.0)
     for x, y in np.rint(shown.window.placed(shown.marks, size)).astype(int).tolist():
-        cv2.circle(picture, (x, y), 14 << SHIFT, INK, 1, cv2.LINE_AA, SHIFT)
+        cv2.circle(picture, (x, y), 14 << SHIFT, INK, 2, cv2.LINE_AA, SHIFT)
     _scale_bar(picture, shown.pixels_per_mm)
     return _framed(picture, shown.caption)
 

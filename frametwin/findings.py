@@ -9,22 +9,36 @@ import numpy as np
 
 from frametwin.twin import Twin
 
-COMPLETE = 0.85
-"""A strut of which less than this share is there is taken to be missing or broken off. The end of a strut that
-is missing looks present where the strut next to it is seen; whole struts are rarely below 0.95."""
+GAP = 0.15
+"""A strut with a gap of at least this share of its length is taken to be missing or broken off. Single pieces of
+whole struts look dark in dense frames, where little of them is in plain view; long stretches rarely do."""
+
+DARK = 0.5
+"""A piece of less opacity than this belongs to a gap."""
 
 CERTAIN = 0.5
 """A strut with less confidence than this is uncertain."""
 
 
+def longest_gap(opacity: np.ndarray) -> np.ndarray:
+    """(E,) longest stretch of dark pieces, as a share of the strut, from opacities (E, K)."""
+    run = np.zeros(len(opacity), dtype=np.int64)
+    longest = np.zeros_like(run)
+    for dark in (opacity < DARK).T:
+        run = np.where(dark, run + 1, 0)
+        longest = np.maximum(longest, run)
+    return longest / max(1, opacity.shape[1])
+
+
 def missing_struts(twin: Twin, printed: np.ndarray) -> np.ndarray:
     """Rising indices of the printed struts, (E,) bool, that are missing in whole or in part."""
-    return np.flatnonzero(printed & (twin.completeness < COMPLETE))
+    return np.flatnonzero(printed & (longest_gap(twin.opacity) >= GAP - 1e-9))
 
 
 def uncertain_struts(twin: Twin, printed: np.ndarray) -> np.ndarray:
     """Rising indices of the printed struts, (E,) bool, that the views do not determine; not the missing ones."""
-    return np.flatnonzero(printed & (twin.completeness >= COMPLETE) & (twin.confidence < CERTAIN))
+    uncertain = np.flatnonzero(printed & (twin.confidence < CERTAIN))
+    return np.setdiff1d(uncertain, missing_struts(twin, printed))
 
 
 @dataclass(frozen=True, eq=False)

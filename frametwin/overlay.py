@@ -48,7 +48,7 @@ class Layer:
 
 def layers_of(plan: np.ndarray, truth: np.ndarray | None = None, twin: np.ndarray | None = None) -> tuple[Layer, ...]:
     """The usual layers, from the lowest to the highest, for curves (E, 4, 3) in mm."""
-    kinds = (("truth", truth, TRUTH, 6.0), ("plan", plan, PLAN, 2.5), ("twin", twin, TWIN, 1.5))
+    kinds = (("truth", truth, TRUTH, 6.0), ("plan", plan, PLAN, 2.0), ("twin", twin, TWIN, 1.5))
     return tuple(Layer(name, curves, colour, width) for name, curves, colour, width in kinds if curves is not None)
 
 

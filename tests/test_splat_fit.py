@@ -249,6 +249,7 @@ class TestSettings:
             ("bending_power", 0.0),
             ("bending_samples", 0),
             ("field", "wavelet"),
+            ("decay", "sudden"),
             ("learn_opacity", 1),
             ("lattice_cells", ()),
             ("lattice_cells", (1, 0)),

@@ -195,7 +195,7 @@ class _Run:
             heard = terms if astray is None else _without(terms, self.frame.edges, astray)
             joints, inner = free_step(self.elastic, heard, self.pose, self.anchor, stage.pull, stage.drag)
             furthest = np.percentile(np.linalg.norm(joints[:, :3], axis=1), 99) * density
-            share = min(1.0, stage.longest / max(furthest, 1e-12))
+            share = stage.share * min(1.0, stage.longest / max(furthest, 1e-12))
             self.pose = self.pose.moved(share * joints, share * inner)
             if self.settings.learn_thickness and stage.detail > 1.0:
                 self.pose = presence.learn_thickness(self.pose, self.frame.radius, terms.widths)

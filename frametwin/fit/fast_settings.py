@@ -43,6 +43,8 @@ class Stage:
     detail, blur, iterations, pieces, longest : as in `CoarseStage`.
     pull : weight of the elastic energy about where the coarse stages left the frame.
     drag : weight of the elastic energy of each step.
+    share : of each step that is gone. Rods that share a pixel are taken one by one, so that at joints, where they all
+        move together, a whole step in sharp pictures would swing from side to side.
     """
 
     detail: float
@@ -52,6 +54,7 @@ class Stage:
     pull: float
     drag: float
     longest: float = 1.0
+    share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -85,17 +88,17 @@ class FastSettings:
     )
     refine: tuple[Stage, ...] = (
         Stage(0.9, 1.0, 3, 4, 0.12, 1.2),
-        Stage(0.9, 1.0, 4, 4, 0.04, 0.4),
-        Stage(0.9, 0.7, 4, 4, 0.04, 0.12),
+        Stage(0.9, 1.0, 3, 4, 0.04, 0.4),
+        Stage(0.9, 0.7, 3, 4, 0.04, 0.12),
         Stage(1.8, 0.7, 4, 6, 0.04, 0.12, 1.5),
     )
     recover: tuple[Stage, ...] = (
-        Stage(0.9, 1.0, 3, 4, 0.04, 0.12),
-        Stage(1.8, 0.7, 4, 6, 0.04, 0.12, 1.5),
+        Stage(1.8, 1.0, 1, 6, 0.04, 0.12, 1.5),
+        Stage(1.8, 0.7, 2, 6, 0.04, 0.12, 1.5),
     )
     finish: tuple[Stage, ...] = (
-        Stage(3.6, 0.4, 4, 8, 0.02, 0.08, 1.5),
-        Stage(8.0, 0.3, 3, 8, 0.01, 0.04, 1.5),
+        Stage(3.6, 0.4, 3, 8, 0.02, 0.08, 1.5, 0.7),
+        Stage(8.0, 0.3, 3, 8, 0.01, 0.04, 1.5, 0.6),
     )
     learn_thickness: bool = True
     learn_opacity: bool = True

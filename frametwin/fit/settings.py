@@ -10,6 +10,7 @@ from typing import Any
 from frametwin.errors import InputError
 
 FIELD_KINDS = ("network", "lattice", "free", "nodes")
+DECAYS = ("cosine", "geometric")
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ class FitSettings:
     pixel_variance : low-pass of the pictures in pixel^2.
     field : what carries the deformation, one of `FIELD_KINDS`.
     domain_margin : how far the computational domain reaches beyond the frame, as a share of its longest side.
-    learning_rate, learning_rate_end : of the field, at the first and the last step; it falls geometrically.
+    learning_rate, learning_rate_end : of the field, at the first and the last step.
+    decay : how it falls between them, one of `DECAYS`.
     learn_thickness, thickness_rate : whether tau is learnt for each kernel, and how fast.
     learn_opacity, opacity_rate : whether alpha is learnt for each kernel, and how fast.
     opacity_start : alpha at the start, above 0 and below 1.
@@ -60,6 +62,7 @@ class FitSettings:
     domain_margin: float = 0.1
     learning_rate: float = 1.6e-4
     learning_rate_end: float = 1.6e-5
+    decay: str = "cosine"
     learn_thickness: bool = True
     thickness_rate: float = 5e-3
     learn_opacity: bool = True
@@ -80,8 +83,9 @@ class FitSettings:
         for name in ("adaptive_kernels", "learn_thickness", "learn_opacity"):
             if not isinstance(getattr(self, name), bool):
                 raise _wrong(name, f"is {getattr(self, name)!r}", "give true or false")
-        if self.field not in FIELD_KINDS:
-            raise _wrong("field", f"is {self.field!r}", f"give one of {', '.join(FIELD_KINDS)}")
+        for name, choices in (("field", FIELD_KINDS), ("decay", DECAYS)):
+            if getattr(self, name) not in choices:
+                raise _wrong(name, f"is {getattr(self, name)!r}", f"give one of {', '.join(choices)}")
         if not self.lattice_cells:
             raise _wrong("lattice_cells", "is empty", "give the cells of one level or more, such as 1 3 6")
         for cells in self.lattice_cells:
