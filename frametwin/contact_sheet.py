@@ -192,7 +192,7 @@ def _line_width(camera: Camera, layers: Sequence[Layer], size: tuple[int, int]) 
     curves = layers[0].control_points
     pixels, _ = camera.project(curves[:, [0, 3]], distort=False)
     length = np.median(np.linalg.norm(np.diff(pixels, axis=1), axis=-1)) * window_of(camera, layers, size).zoom
-    return float(np.clip(length / 70.0, 0.4, 1.0))
+    return float(np.clip(length / 70.0, 0.25, 1.0))
 
 
 def _close_up(

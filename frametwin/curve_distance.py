@@ -20,7 +20,7 @@ CHORDS = 24
 FEWEST, MOST = 8, 4096
 """Chords of a strut, at the least and at the most."""
 
-NEWTON_STEPS = 4
+NEWTON_STEPS = 6
 FIRST = 8
 """Candidates that are asked for at first."""
 

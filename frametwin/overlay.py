@@ -1,7 +1,7 @@
 """Pictures that show plan, truth and twin over what the cameras saw.
 
-Colours are those of Okabe and Ito, "Color universal design", 2008, which people of every kind of colour vision
-tell apart. The lines are nested: the plan is the widest and lowest, the twin the thinnest and on top, so that all
+Colours follow Okabe and Ito, "Color universal design", 2008, and are told apart by people of every kind of colour
+vision. The lines are nested: the truth is the widest and lowest, the twin the thinnest and on top, so that all
 three can be seen where they coincide.
 """
 
@@ -25,9 +25,8 @@ PAPER: Colour = (255, 255, 255)
 INK: Colour = (40, 44, 52)
 FAINT: Colour = (120, 126, 136)
 PRINT: Colour = (222, 225, 230)
-FRAME: Colour = (205, 209, 215)
 
-FINE = 2
+FINE = 3
 """Pictures are drawn this many times larger and then reduced, which gives lines of half a pixel's width."""
 
 SHIFT = 5
@@ -38,18 +37,23 @@ CHORDS = 24
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Curves (E, 4, 3) in mm that are drawn in one colour, ``width`` pixels wide, under one name."""
+    """Curves (E, 4, 3) in mm that are drawn in one colour, ``width`` pixels wide, under one name.
+
+    Where lines are drawn thinner, as in dense frames, this one keeps at least ``least`` pixels.
+    """
 
     name: str
     control_points: np.ndarray
     colour: Colour
     width: float
+    least: float = 0.0
 
 
 def layers_of(plan: np.ndarray, truth: np.ndarray | None = None, twin: np.ndarray | None = None) -> tuple[Layer, ...]:
     """The usual layers, from the lowest to the highest, for curves (E, 4, 3) in mm."""
-    kinds = (("truth", truth, TRUTH, 6.0), ("plan", plan, PLAN, 2.0), ("twin", twin, TWIN, 1.5))
-    return tuple(Layer(name, curves, colour, width) for name, curves, colour, width in kinds if curves is not None)
+    layers = [] if truth is None else [Layer("truth", truth, TRUTH, 6.5)]
+    layers.append(Layer("plan", plan, PLAN, 3.0))
+    return (*layers, *([] if twin is None else [Layer("twin", twin, TWIN, 1.5, least=1.1)]))
 
 
 @dataclass(frozen=True)
@@ -119,15 +123,14 @@ def draw_view(
 
 
 def _cut_out(mask: np.ndarray, window: Window, size: tuple[int, int]) -> np.ndarray:
-    """The window of a mask, resampled to ``size``, as (height, width) in 0..1; black beyond the picture."""
-    grey: np.ndarray = mask.astype(np.float32) / (255.0 if mask.dtype == np.uint8 else 1.0)
+    """The window of a mask, resampled to ``size``, (height, width) uint8; black beyond the picture."""
+    grey: np.ndarray = mask if mask.dtype == np.uint8 else np.rint(255.0 * mask).astype(np.uint8)
     zoom = window.zoom * FINE
+    ratio = np.ones(2)
     if zoom < 1.0:  # average what is lost, then let the affine map do the rest
         smaller = (max(1, round(grey.shape[1] * zoom)), max(1, round(grey.shape[0] * zoom)))
         ratio = np.array([smaller[0] / grey.shape[1], smaller[1] / grey.shape[0]])
         grey = np.asarray(cv2.resize(grey, smaller, interpolation=cv2.INTER_AREA))
-    else:
-        ratio = np.ones(2)
     scale = zoom / ratio
     # OpenCV counts pixel centres as whole numbers, the cameras as whole numbers and a half.
     shift = np.array([size[1], size[0]]) / 2.0 - zoom * np.array([window.column, window.row])
@@ -137,8 +140,9 @@ def _cut_out(mask: np.ndarray, window: Window, size: tuple[int, int]) -> np.ndar
 
 
 def _tinted(mask: np.ndarray) -> np.ndarray:
-    share = mask[..., None]
-    return np.rint(share * np.array(PRINT) + (1.0 - share) * np.array(PAPER)).astype(np.uint8)
+    """The colours of a mask (H, W) uint8."""
+    table = np.rint(np.linspace(PAPER, PRINT, 256)).astype(np.uint8)[None]  # (1, 256, 3)
+    return np.asarray(cv2.LUT(cv2.merge([mask, mask, mask]), table))
 
 
 def _draw_curves(picture: np.ndarray, camera: Camera, layer: Layer, window: Window, scale: float) -> None:
@@ -154,7 +158,12 @@ def _draw_curves(picture: np.ndarray, camera: Camera, layer: Layer, window: Wind
         list(chains),
         isClosed=False,
         color=layer.colour,
-        thickness=max(1, round(layer.width * scale * FINE)),
+        thickness=_thickness(max(layer.least, layer.width * scale) * FINE),
         lineType=cv2.LINE_AA,
         shift=SHIFT,
     )
+
+
+def _thickness(width: float) -> int:
+    """OpenCV's thickness for a smooth line ``width`` pixels wide: it draws 1 as 1.4, and 2 k as 2 k + 1.5."""
+    return max(1, 2 * round((width - 1.5) / 2.0))

@@ -1,4 +1,4 @@
-"""Camera rigs around a frame: every camera looks at the middle of the bounding box and sees all of it."""
+"""Camera rigs around a frame: every camera looks at it squarely and stands as near as seeing all of it allows."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def ring_rig(
 
     Returns
     -------
-    Cameras ``camera_00``, ``camera_01`` ... at one common distance from the middle of the box, the least at
-    which all its corners keep the margin in every view.
+    Cameras ``camera_00``, ``camera_01`` ..., each at the place from which the frame (or the box) fills its picture up
+    to the margin, in the middle.
 
     Raises
     ------
@@ -95,9 +95,7 @@ def dome_rig(
     bounds = np.asarray(elevation_deg, dtype=np.float64)
     _check(count, size, bounds, fov_deg, margin)
     if bounds.shape != (2,) or bounds[0] > bounds[1]:
-        raise InputError.at(
-            "rig", "elevation_deg", "it is not a lowest and a highest angle", "give two, as 10 and 70"
-        )
+        raise InputError.at("rig", "elevation_deg", "it is not a lowest and a highest angle", "give two, as 10 and 70")
     low, high = np.sin(np.radians(bounds))
     turn = np.arange(count)
     elevation = np.arcsin(low + (high - low) * (turn + 0.5) / count)  # equal areas of the band
@@ -112,22 +110,24 @@ def _rig(
     fov_deg: float,
     margin: float,
 ) -> tuple[Camera, ...]:
-    bounds = _bounds(target)
-    corners = np.array(list(product(*bounds.T)))  # (8, 3)
-    middle = bounds.mean(axis=0)
+    points, radius = _outline(target)
     height, width = size
     focal = 0.5 * height / np.tan(np.radians(fov_deg) / 2.0)
+    slope = (0.5 - margin) * np.array([width, height]) / focal  # of the sides of the cone that keeps the margin
     outward = np.column_stack(
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
     )
-    # At the distance D, a corner at (x, y, z) in the camera's axes, z counted from the middle of the box,
-    # appears f x / (D + z) from the picture's middle; that keeps the margin when D >= f |x| / half - z.
-    half = (0.5 - margin) * np.array([width, height])
-    poses = [look_at(direction, np.zeros(3)) for direction in outward]
-    local = np.stack([(corners - middle) @ pose[:3, :3] for pose in poses])  # (N, 8, 3)
-    distance = np.max(focal * np.abs(local[..., :2]) / half - local[..., 2:])
-    for pose, direction in zip(poses, outward, strict=True):
-        pose[:3, 3] = middle + distance * direction
+    poses = []
+    for direction in outward:
+        pose = look_at(direction, np.zeros(3))
+        local = points @ pose[:3, :3]  # (P, 3) in the camera's axes
+        # A point is inside when |x - cx| <= slope (z - cz): the outermost points of both sides give the place.
+        reach = radius * np.sqrt(1.0 + slope**2)
+        high = (local[:, :2] - slope * local[:, 2:]).max(axis=0) + reach
+        low = (local[:, :2] + slope * local[:, 2:]).min(axis=0) - reach
+        depth = float(np.max((high - low) / (2.0 * slope)))
+        pose[:3, 3] = pose[:3, :3] @ np.array([*(high + low) / 2.0, -depth])
+        poses.append(pose)
     digits = max(2, len(str(len(poses) - 1)))
     return tuple(
         Camera(
@@ -144,18 +144,16 @@ def _rig(
     )
 
 
-def _bounds(target: Wireframe | ArrayLike) -> Floats:
+def _outline(target: Wireframe | ArrayLike) -> tuple[Floats, float]:
+    """Points (P, 3) whose hull holds the target, and the radius of what is about them."""
     if isinstance(target, Wireframe):
-        radius = float(np.max(target.radius))
-        return np.asarray(target.bounds, dtype=np.float64) + np.array([[-radius], [radius]])
+        return target.control_points.reshape(-1, 3), float(np.max(target.radius))
     bounds = np.asarray(target, dtype=np.float64)
     if bounds.shape != (2, 3) or not np.all(np.isfinite(bounds)) or np.any(bounds[0] > bounds[1]):
-        raise InputError.at(
-            "rig", "bounds", "it is not a box", "give the lowest and the highest corner, (2, 3)"
-        )
+        raise InputError.at("rig", "bounds", "it is not a box", "give the lowest and the highest corner, (2, 3)")
     if np.all(bounds[0] == bounds[1]):
         raise InputError.at("rig", "bounds", "the box is a single point", "give the box of the whole frame")
-    return bounds
+    return np.array(list(product(*bounds.T))), 0.0
 
 
 def _check(count: int, size: tuple[int, int], elevations: Floats, fov_deg: float, margin: float) -> None:

@@ -67,9 +67,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="URL",
         help=f"also look for PyTorch here, e.g. {CPU_INDEX} for the small CPU build",
     )
-    result.add_argument(
-        "--blender", action="store_true", help="also install Blender as a Python module (bpy)"
-    )
+    result.add_argument("--blender", action="store_true", help="also install Blender as a Python module (bpy)")
     return result
 
 
@@ -110,9 +108,7 @@ def make_venv(venv: Path) -> Path:
     """Make the virtual environment unless it is there and works."""
     python = venv_python(venv)
     if python.exists() and succeeds([python, "-m", "pip", "--version"]):
-        version = json.loads(
-            output([python, "-c", "import json, sys; print(json.dumps(sys.version_info[:2]))"])
-        )
+        version = json.loads(output([python, "-c", "import json, sys; print(json.dumps(sys.version_info[:2]))"]))
         if not suits(tuple(version)):
             raise SetupError(
                 f"the virtual environment {venv} has Python {version[0]}.{version[1]}, which does not suit. "

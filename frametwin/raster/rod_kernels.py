@@ -121,7 +121,9 @@ def _half_width_slope(p, q, camera, scale, slope_p, slope_q):
 def _cuts(line, cuts):
     """Directions (P+1, 2) that divide the picture plane between neighbouring pieces: the bisectors of their turns.
 
-    Two pieces decide by the same line which of them a pixel belongs to, so that none is counted twice or never.
+    Two pieces decide by the same line which of them a pixel belongs to, so that none is counted twice or never. On
+    the outer side of a turn a piece goes on to the line, but no further than its half width: where the polyline turns
+    back on itself, as that of a curved strut seen end on, it would run on across the picture.
     """
     last = line.shape[0] - 1
     before_x, before_y = 0.0, 0.0
@@ -152,8 +154,8 @@ def _first_column(x):
 
 
 @nb.njit(cache=True)
-def _edges(p, q, cut_p, cut_q, tx, ty, reach, edges):
-    """Everything that bounds the pixels of the piece p..q, for `_columns`, into edges (9,)."""
+def _edges(p, q, cut_p, cut_q, tx, ty, length, half, reach, edges):
+    """Everything that bounds the pixels of the piece p..q, for `_columns`, into edges (12,)."""
     if abs(ty) > 1e-9:  # |-ty x + tx y| <= reach, x and y from p
         edges[0] = tx / ty
         edges[1] = p[0] - 0.5 - edges[0] * (p[1] - 0.5)
@@ -162,14 +164,20 @@ def _edges(p, q, cut_p, cut_q, tx, ty, reach, edges):
         edges[0], edges[1], edges[2] = 0.0, p[0], 1e9
     edges[3], edges[4], edges[5] = _cut_line(p, cut_p)
     edges[6], edges[7], edges[8] = _cut_line(q, cut_q)
+    if abs(tx) > 1e-9:  # |tx x + ty y| <= length / 2 + half, x and y from the middle
+        edges[9] = -ty / tx
+        edges[10] = 0.5 * (p[0] + q[0]) - 0.5 - edges[9] * (0.5 * (p[1] + q[1]) - 0.5)
+        edges[11] = (0.5 * length + half) / abs(tx)
+    else:
+        edges[9], edges[10], edges[11] = 0.0, p[0], 1e9
 
 
 @nb.njit(inline="always")
 def _columns(row, edges, width):
     """First and last column of the row that belong to the piece and are within reach of its centreline."""
-    middle = edges[1] + edges[0] * row
-    left = max(0, _first_column(middle - edges[2]))
-    right = min(width - 1, int(floor(min(max(middle + edges[2], -1e9), 1e9))))
+    across, along = edges[1] + edges[0] * row, edges[10] + edges[9] * row
+    left = max(0, _first_column(max(across - edges[2], along - edges[11])))
+    right = min(width - 1, int(floor(min(max(min(across + edges[2], along + edges[11]), -1e9), 1e9))))
     if abs(edges[5]) == 1.0:
         column = _first_column(edges[3] + edges[4] * row)
         if edges[5] > 0.0:
@@ -190,9 +198,17 @@ def _columns(row, edges, width):
 
 
 @nb.njit(inline="always")
-def _rows(p, q, tx, reach, height):
-    low = min(p[1], q[1]) - reach * abs(tx)
-    high = max(p[1], q[1]) + reach * abs(tx)
+def _beyond(cut, tx, ty, half, reach):
+    """How far a piece goes on beyond its end, on the outer side of the turn."""
+    return min(half, reach * abs(tx * cut[1] - ty * cut[0]) / max(tx * cut[0] + ty * cut[1], 1e-9))
+
+
+@nb.njit(inline="always")
+def _rows(p, q, cut_p, cut_q, tx, ty, half, reach, height):
+    """First and last row of the piece p..q."""
+    p_more, q_more = abs(ty) * _beyond(cut_p, tx, ty, half, reach), abs(ty) * _beyond(cut_q, tx, ty, half, reach)
+    low = min(p[1] - p_more, q[1] - q_more) - reach * abs(tx)
+    high = max(p[1] + p_more, q[1] + q_more) + reach * abs(tx)
     return max(0, int(floor(max(low, -1e9) - 0.5))), min(height - 1, int(ceil(min(high, 1e9) - 0.5)))
 
 
@@ -218,8 +234,8 @@ def _darken_piece(p, q, cut_p, cut_q, camera, radius, alpha, height, width, star
     tx, ty = dx / length, dy / length
     r = _half_width(p, q, camera) * radius
     reach = r + REACH * spread
-    _edges(p, q, cut_p, cut_q, tx, ty, reach, edges)
-    top, bottom = _rows(p, q, tx, reach, height)
+    _edges(p, q, cut_p, cut_q, tx, ty, length, r, reach, edges)
+    top, bottom = _rows(p, q, cut_p, cut_q, tx, ty, r, reach, height)
     for j in range(top, bottom + 1):
         y = j + 0.5 - ay
         left, right = _columns(j, edges, width)
@@ -242,7 +258,7 @@ def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offse
         height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
         for i in range(start, start + height * width):
             transmittance[i] = 1.0
-        line, cuts, edges = np.empty((points.shape[1], 3)), np.empty((points.shape[1], 2)), np.empty(9)
+        line, cuts, edges = np.empty((points.shape[1], 3)), np.empty((points.shape[1], 2)), np.empty(12)
         for k in range(points.shape[0]):
             if not _project(points[k], camera, line):
                 continue
@@ -311,8 +327,8 @@ def _gather_edge(
     r = unit * radius
     reach = r + REACH * spread
     core = r - REACH * spread  # inside, the coverage is flat and tells nothing of the place
-    _edges(p, q, cut_p, cut_q, tx, ty, reach, edges)
-    top, bottom = _rows(p, q, tx, reach, height)
+    _edges(p, q, cut_p, cut_q, tx, ty, length, r, reach, edges)
+    top, bottom = _rows(p, q, cut_p, cut_q, tx, ty, r, reach, height)
     for j in range(top, bottom + 1):
         y = j + 0.5 - ay
         left, right = _columns(j, edges, width)
@@ -375,7 +391,7 @@ def gather_struts(
     """
     pieces = points.shape[1] - 1
     for k in nb.prange(points.shape[0]):
-        line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(9)
+        line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
         sums = np.empty(7)
         pull_a, pull_b = np.empty(3), np.empty(3)
         slope = np.zeros((pieces + 1, 3))
@@ -513,7 +529,7 @@ def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spread, tr
     """
     pieces = points.shape[1] - 1
     for k in nb.prange(points.shape[0]):
-        line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(9)
+        line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
         for p in range(pieces):
             evidence[k, p, 0] = 0.0
             evidence[k, p, 1] = 0.0
@@ -532,8 +548,8 @@ def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spread, tr
                 tx, ty = dx / length, dy / length
                 r = _half_width(a, b, camera) * radius[k, p]
                 reach = r + REACH * spread
-                _edges(a, b, cuts[p], cuts[p + 1], tx, ty, reach, edges)
-                top, bottom = _rows(a, b, tx, reach, height)
+                _edges(a, b, cuts[p], cuts[p + 1], tx, ty, length, r, reach, edges)
+                top, bottom = _rows(a, b, cuts[p], cuts[p + 1], tx, ty, r, reach, height)
                 weight, slope = 0.0, 0.0
                 for j in range(top, bottom + 1):
                     y = j + 0.5 - a[1]

@@ -1,0 +1,154 @@
+"""The compiled splatter of blurred rods as a differentiable torch function."""
+
+from __future__ import annotations
+
+from math import ceil, floor, sqrt
+from typing import Any
+
+import numba as nb
+import numpy as np
+import torch
+from torch import Tensor
+
+from frametwin.raster import rods
+from frametwin.raster.pyramid import Level
+from frametwin.raster.rod_kernels import _CDF, _PDF, HIDDEN, OPAQUE, REACH, _joint, _look
+from frametwin.raster.rods import Rods
+
+
+@nb.njit(parallel=True, cache=True, fastmath=True)
+def _disc_slopes(joints, joint_radius, cameras, shapes, offsets, spread, transmittance, slope, by_radius, by_place):
+    """Derivatives of a loss by the discs' radius (V,), and by the joints (V, 3) as far as depth sets the size.
+
+    ``slope`` (pixels,) is the loss's derivative by the picture. `rod_kernels.gather_joints` has the motion of the
+    discs; that their size follows the depth and the struts is left out there, as it hardly tells a joint's place.
+    """
+    for k in nb.prange(joints.shape[0]):
+        by_radius[k] = 0.0
+        for e in range(3):
+            by_place[k, e] = 0.0
+        if joint_radius[k] <= 0.0:
+            continue
+        for v in range(cameras.shape[0]):
+            camera = cameras[v]
+            height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
+            x, y, z = _joint(joints[k], camera)
+            if z < 0.0:
+                continue
+            unit = 0.5 * (camera[12] + camera[13]) / z
+            r = unit * joint_radius[k]
+            reach = r + REACH * spread
+            total = 0.0
+            for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
+                at = start + j * width
+                for i in range(max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1):
+                    d = sqrt((i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2)
+                    if d > reach:
+                        continue
+                    za, zb = (r - d) / spread, (r + d) / spread
+                    c = min(_look(_CDF, za) - _look(_CDF, -zb), OPAQUE)
+                    others = min(transmittance[at + i] / (1.0 - c), 1.0)
+                    if others >= HIDDEN:
+                        total += slope[at + i] * others * (_look(_PDF, za) + _look(_PDF, zb)) / spread
+            by_radius[k] += total * unit
+            for e in range(3):
+                by_place[k, e] -= total * r / z * camera[6 + e]
+
+
+def _disc_gradients(drawn: Rods, level: Level, through: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(E, P) by the struts' radius, which the discs share, and (V, 3) by the joints' depth."""
+    joints, size = np.ascontiguousarray(drawn.joints, dtype=np.float64), drawn.joint_radius()
+    by_radius, by_place = np.empty(len(joints)), np.empty((len(joints), 3))
+    view = (level.cameras, level.shapes, level.offsets, level.spread)
+    _disc_slopes(joints, size, *view, through, slope, by_radius, by_place)
+    widest = np.where(drawn.opacity > 0.5, drawn.radius, 0.0)
+    by_piece = np.zeros(drawn.radius.shape)
+    sharing = np.zeros(len(joints))  # struts of equal radius share the disc's derivative
+    ends = [(drawn.edges[:, side], -side) for side in (0, 1)]
+    for joint, piece in ends:
+        np.add.at(sharing, joint, widest[:, piece] == size[joint])
+    for joint, piece in ends:
+        share = by_radius[joint] / np.maximum(sharing[joint], 1.0)
+        by_piece[:, piece] += np.where(widest[:, piece] == size[joint], share, 0.0)
+    return by_piece, by_place
+
+
+class _Splat(torch.autograd.Function):
+    """All views at once, in one flat buffer."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        control_points: Tensor,
+        joints: Tensor,
+        radius: Tensor,
+        opacity: Tensor,
+        edges: np.ndarray,
+        level: Level,
+    ) -> Tensor:
+        arrays = [x.detach().numpy().astype(np.float64) for x in (control_points, joints, radius, opacity)]
+        drawn = Rods(arrays[0], arrays[1], edges, arrays[2], arrays[3])
+        ctx.drawn, ctx.level, ctx.through = drawn, level, rods.transmittance(drawn, level)
+        ctx.types = [x.dtype for x in (control_points, joints, radius, opacity)]
+        return torch.from_numpy(np.float32(1.0) - ctx.through)
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:
+        drawn, level, through = ctx.drawn, ctx.level, ctx.through
+        slope = np.ascontiguousarray(grad.numpy(), dtype=np.float32)
+        _, struts, _, joints, widths = rods.pull_back(drawn, level, through, slope)
+        disc_radius, disc_depth = _disc_gradients(drawn, level, through, slope)
+        results = (
+            struts.reshape(-1, 4, 3),
+            joints + disc_depth,
+            widths[..., 1] + disc_radius,
+            rods.opacity_terms(drawn, level, through, slope)[..., 1],
+        )
+        grads = [torch.from_numpy(g).to(kind) for g, kind in zip(results, ctx.types, strict=True)]
+        return (*grads, None, None)
+
+
+def splat_rods(
+    control_points: Tensor, joints: Tensor, edges: np.ndarray, radius: Tensor, opacity: Tensor, level: Level
+) -> list[Tensor]:
+    """Pictures of blurred rods of grey value 1; see `frametwin.raster.rod_kernels`.
+
+    Parameters
+    ----------
+    control_points : (E, 4, 3) mm, of the struts' cubic curves.
+    joints : (V, 3) mm, where struts meet; each is drawn as one disc, as wide as the widest piece that ends there.
+    edges : (E, 2) joints of each strut.
+    radius : (E, P) mm, of P pieces of equal parameter length.
+    opacity : (E, P) 0..1; a piece above one half widens the discs at its ends.
+    level : cameras, sizes and blur of the pictures; its target is not used.
+
+    Returns
+    -------
+    N float32 pictures (H, W), one a camera. Gradients flow to control points, joints, radius and opacity. They
+    leave out that a strut's flat ends move along it: the joints' discs cover the ends.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit each other.
+    FloatingPointError
+        If an input is not finite.
+    """
+    table = np.asarray(edges)
+    count, shape = len(table), tuple(radius.shape)
+    fits = tuple(control_points.shape) == (count, 4, 3) and len(shape) == 2 and shape[0] == count and shape[1] > 0
+    if not fits or tuple(opacity.shape) != shape or joints.ndim != 2 or joints.shape[1] != 3:
+        raise ValueError(
+            f"{count} struts need control points (E, 4, 3), joints (V, 3), radius and opacity (E, P), not "
+            f"{tuple(control_points.shape)}, {tuple(joints.shape)}, {shape} and {tuple(opacity.shape)}"
+        )
+    if count and not 0 <= table.min() <= table.max() < len(joints):
+        raise ValueError(f"edges name joints from {table.min()} to {table.max()}, there are {len(joints)}")
+    named = {"control points": control_points, "joints": joints, "radius": radius, "opacity": opacity}
+    for name, values in named.items():
+        if not bool(torch.isfinite(values).all()):
+            raise FloatingPointError(f"the {name} of the struts hold values that are not finite")
+    flat = _Splat.apply(control_points, joints, radius, opacity, table, level)
+    counts = level.shapes.prod(axis=1).tolist()
+    sizes = [(int(height), int(width)) for height, width in level.shapes]
+    return [part.view(size) for part, size in zip(flat.split(counts), sizes, strict=True)]

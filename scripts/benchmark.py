@@ -1,0 +1,158 @@
+"""Accuracy, time and memory of the fit, on frames with a known truth, beside the paper's figures.
+
+    python scripts/benchmark.py                          fast on every frame that is found
+    python scripts/benchmark.py --paper Femur            the paper preset too, on the frames named (minutes each)
+    python scripts/benchmark.py --frames bridge Femur --seeds 0 1 2
+
+Conditions: 8 views of 1200x1600, sag of 7 % of the extent with one strut in four not hardened, strut radius 6 % of the
+median strut length. Every fit runs in a process of its own, after a fit of a small frame has loaded the compiled
+kernels, so that seconds are those of the fit and memory is the whole process's. Absolute seconds depend on the machine
+and on what else it does; ratios of one run are what to compare.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+SHARED = ROOT.parent / "shared" / "frames"
+PAPER = {
+    "Femur": (60.99, 0.1147, 1.816),
+    "Coral": (359.52, 0.2086, 2.436),
+    "Lounge": (1030.78, 0.2512, 2.498),
+}
+"""Seconds on an RTX 4090, mean and largest error in mm, from tables I and II of the paper."""
+OWN = ("bridge", "half_bowl", "lattice_tower")
+RADIUS_SHARE = 0.06
+COLUMNS = (
+    "frame",
+    "struts",
+    "preset",
+    "seconds",
+    "curves mean / max",
+    "joints mean",
+    "equal parameter mean / max",
+    "peak MB",
+    "paper: seconds, mean / max",
+)
+
+
+def frame_files() -> dict[str, Path]:
+    """Every frame by name: the project's own, and those beside it if they are there."""
+    found = {name: ROOT / "datasets" / "frames" / f"{name}.json" for name in OWN}
+    for path in sorted(SHARED.glob("rl3dp/Node*_wireframe.txt")):
+        found[path.name.removeprefix("Node").removesuffix("_wireframe.txt")] = path
+    found.update(
+        {path.name.split("_S1")[0].removesuffix(".json"): path for path in SHARED.glob("assembly_instances/*")}
+    )
+    return found
+
+
+def peak_megabytes() -> float:
+    """Largest resident size of this process so far, in MB; NaN where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return float("nan")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
+
+
+def measure(path: Path, preset: str, seed: int, views: int) -> dict:
+    """One fit of one frame, in this process."""
+    from frametwin.evaluate import evaluate
+    from frametwin.fit.api import fit_views
+    from frametwin.formats import read_frame
+    from frametwin.parametric import named_frame
+    from frametwin.simulate import SimulationSettings, simulate
+
+    small = simulate(named_frame("bridge"), SimulationSettings(views=2, size=(120, 160)))
+    changes = {} if preset == "fast" else {"iterations": 1}
+    fit_views(small.frame, small.cameras, _masks(small), preset, changes=changes)
+
+    frame = read_frame(path)
+    radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
+    frame = frame.replace(radius=np.full(frame.strut_count, radius), printed=np.ones(frame.strut_count, dtype=bool))
+    capture = simulate(frame, SimulationSettings(views=views, seed=seed))
+    masks = _masks(capture)
+    began = perf_counter()
+    twin = fit_views(capture.frame, capture.cameras, masks, preset, seed=seed).twin
+    seconds = perf_counter() - began
+    return {
+        "struts": frame.strut_count,
+        "seconds": seconds,
+        "before": evaluate(frame.control_points, frame.vertices, capture.truth).summary(),
+        "after": evaluate(twin.control_points, twin.vertices, capture.truth).summary(),
+        "megabytes": peak_megabytes(),
+        "timing": dict(twin.timing),
+    }
+
+
+def _masks(capture) -> list[np.ndarray]:
+    return [image.astype(np.float32) / np.float32(255) for image in capture.images]
+
+
+def run(name: str, path: Path, preset: str, seed: int, views: int) -> dict:
+    """The same in a fresh process."""
+    command = [sys.executable, __file__, "--one", str(path), preset, str(seed), str(views)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SystemExit(f"{name} {preset}: {done.stderr.strip().splitlines()[-1:] or 'failed'}")
+    return {"frame": name, "preset": preset, "seed": seed, "views": views, **json.loads(done.stdout)}
+
+
+def row(result: dict) -> str:
+    """One line of the table."""
+    after = result["after"]
+    paper = PAPER.get(result["frame"])
+    cells = (
+        result["frame"],
+        str(result["struts"]),
+        result["preset"],
+        f"{result['seconds']:.1f}",
+        f"{after['curves']['mean']:.3f} / {after['curves']['max']:.2f}",
+        f"{after['joints']['mean']:.3f}",
+        f"{after['equal_parameter']['mean']:.3f} / {after['equal_parameter']['max']:.2f}",
+        f"{result['megabytes']:.0f}",
+        "" if paper is None else f"{paper[0]:.0f} s, {paper[1]:.3f} / {paper[2]:.2f}",
+    )
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Run the benchmark and print its table."""
+    frames = frame_files()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", nargs="+", default=list(frames), choices=list(frames), metavar="NAME")
+    parser.add_argument("--paper", nargs="*", default=[], choices=list(frames), metavar="NAME")
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0])
+    parser.add_argument("--views", type=int, default=8)
+    parser.add_argument("--json", type=Path, help="write all figures to this file too")
+    parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.one:
+        path, preset, seed, views = given.one
+        print(json.dumps(measure(Path(path), preset, int(seed), int(views))))
+        return
+    print("| " + " | ".join(COLUMNS) + " |\n|" + " --- |" * len(COLUMNS), flush=True)
+    results = []
+    for name in given.frames:
+        for seed in given.seeds:
+            for preset in ("fast", "paper") if name in given.paper else ("fast",):
+                results.append(run(name, frames[name], preset, seed, given.views))
+                print(row(results[-1]), flush=True)
+    fast = [r["after"]["curves"]["mean"] for r in results if r["preset"] == "fast"]
+    print(f"\nfast: curve mean over {len(fast)} fits {np.mean(fast):.4f} mm, largest {np.max(fast):.4f} mm")
+    if given.json:
+        given.json.write_text(json.dumps(results, indent=1))
+
+
+if __name__ == "__main__":
+    main()
