@@ -85,9 +85,7 @@ def checked_array(
     mixed = kind != "b" and isinstance(value, list | tuple | bool) and _has_booleans(value, array.ndim)
     if array.dtype.kind not in allowed or mixed:
         raise InputError.at(source, field, f"does not hold {words} only", wanted)
-    if array.ndim != len(shape) or any(
-        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
-    ):
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
         found = _shape_text(array.shape)
         raise InputError.at(source, field, f"is {found} where {_shape_text(shape)} is needed", wanted)
     if kind == "i" and array.dtype == np.uint64 and array.size and array.max() > np.iinfo(np.int64).max:

@@ -77,9 +77,7 @@ def read_capture(folder: PathLike) -> Capture:
     frame_file = _inside(root, "frame.json", root / "frame.json", "file")
     frame = frame_json.read(frame_file)
     if not frame.printed.any():
-        raise InputError.at(
-            frame_file, "printed", "no strut is printed", "mark the struts that have been printed"
-        )
+        raise InputError.at(frame_file, "printed", "no strut is printed", "mark the struts that have been printed")
     transforms = _inside(root, "transforms.json", root / "transforms.json", "file")
     views = _read_views(root, read_json(transforms), transforms)
     check_views(frame, [view.camera for view in views], transforms)
@@ -126,9 +124,7 @@ def _read_views(root: Path, data: dict[str, Any], path: Path) -> list[View]:
         raise InputError.at(
             path, "frames", f"holds {len(entries)} view{'s' * (len(entries) != 1)}", "give at least two views"
         )
-    shared = {
-        key: value for key, value in data.items() if key not in ("frames", "file_path", "transform_matrix")
-    }
+    shared = {key: value for key, value in data.items() if key not in ("frames", "file_path", "transform_matrix")}
     stems = [PurePosixPath(str(entry.get("file_path"))).stem for entry in entries]
     views: list[View] = []
     taken: dict[Path, int] = {}
@@ -157,9 +153,7 @@ def _image_file(root: Path, name: Any, path: Path, field: str) -> Path:
         raise InputError.at(path, field, f"{name!r} is not a text", "name the picture of the view")
     image = _inside(root, name, path, field)
     if not image.is_file():
-        raise InputError.at(
-            path, field, f"the picture {name!r} is missing", "put it there, or correct the name"
-        )
+        raise InputError.at(path, field, f"the picture {name!r} is missing", "put it there, or correct the name")
     return image
 
 
@@ -178,13 +172,8 @@ def _read_camera(entry: dict[str, Any], shared: dict[str, Any], name: str, path:
             "holds a scale",
             "divide the three axes by their lengths, and give the position in mm",
         )
-    if (
-        np.abs(matrix[:3, :3].T @ matrix[:3, :3] - np.eye(3)).max() > 1e-3
-        or np.linalg.det(matrix[:3, :3]) < 0.0
-    ):
-        raise InputError.at(
-            path, field, "is not a rigid pose", "remove shear and mirroring from its rotation"
-        )
+    if np.abs(matrix[:3, :3].T @ matrix[:3, :3] - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix[:3, :3]) < 0.0:
+        raise InputError.at(path, field, "is not a rigid pose", "remove shear and mirroring from its rotation")
     return from_nerfstudio(entry, shared=shared, name=name, source=f"{path}: frames[{i}]")
 
 
@@ -254,9 +243,7 @@ def write_capture(
     pictures = {"images": images} if backgrounds is None else {"images": images, "background": backgrounds}
     _check_pictures(folder, cameras, pictures)
     if not frame.printed.any():
-        raise InputError.at(
-            frame.name, "printed", "no strut is printed", "mark the struts that have been printed"
-        )
+        raise InputError.at(frame.name, "printed", "no strut is printed", "mark the struts that have been printed")
     check_views(frame, cameras, Path(folder) / "transforms.json")
     frames = {"frame.json": frame}
     if truth is not None:
@@ -280,14 +267,10 @@ def write_capture(
 def _check_extra(folder: PathLike, names: Iterable[str]) -> None:
     for name in names:
         if name in _OWN_FILES or not name.endswith(".json") or not _SAFE_NAME.fullmatch(name):
-            raise InputError.at(
-                folder, "extra", f"{name!r} is not a free file name", "name it like notes.json"
-            )
+            raise InputError.at(folder, "extra", f"{name!r} is not a free file name", "name it like notes.json")
 
 
-def _check_pictures(
-    folder: PathLike, cameras: Sequence[Camera], pictures: dict[str, Sequence[np.ndarray]]
-) -> None:
+def _check_pictures(folder: PathLike, cameras: Sequence[Camera], pictures: dict[str, Sequence[np.ndarray]]) -> None:
     if len(cameras) < 2:
         raise InputError.at(folder, "cameras", f"there are {len(cameras)}", "give at least two views")
     for kind, images in pictures.items():

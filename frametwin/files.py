@@ -143,9 +143,7 @@ def read_text(path: PathLike, field: str = "file") -> str:
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
-        raise InputError.at(
-            path, field, "the file does not exist", "check the name, or put the file there"
-        ) from error
+        raise InputError.at(path, field, "the file does not exist", "check the name, or put the file there") from error
     except UnicodeDecodeError as error:
         raise InputError.at(path, field, "is not a text file", "give a file written as UTF-8 text") from error
     except OSError as error:
@@ -231,9 +229,7 @@ def _refuse_taken(target: Path, path: PathLike, overwrite: bool) -> None:
     if not target.exists():
         return
     if not target.is_dir():
-        raise InputError.at(
-            path, "folder", "is the name of a file", "choose another name for the output folder"
-        )
+        raise InputError.at(path, "folder", "is the name of a file", "choose another name for the output folder")
     if not any(target.iterdir()):
         return
     if overwrite and Path.cwd().is_relative_to(target):

@@ -28,13 +28,9 @@ def read_image_bytes(path: PathLike) -> bytes:
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError as error:
-        raise InputError.at(
-            path, "image", "the picture is missing", "put it there, or correct file_path"
-        ) from error
+        raise InputError.at(path, "image", "the picture is missing", "put it there, or correct file_path") from error
     except OSError as error:
-        raise InputError.at(
-            path, "image", f"cannot be read ({error.strerror})", "give a file, not a folder"
-        ) from error
+        raise InputError.at(path, "image", f"cannot be read ({error.strerror})", "give a file, not a folder") from error
     if not data:
         raise InputError.at(path, "image", "the file is empty", _REMEDY)
     return data
@@ -106,9 +102,7 @@ def _jpeg_size(path: PathLike, data: bytes) -> tuple[int, int]:
         if position + 4 > len(data):
             raise _cut(path)
         if data[position] != 0xFF:
-            raise InputError.at(
-                path, "image", "the picture is damaged (no marker where one belongs)", _REMEDY
-            )
+            raise InputError.at(path, "image", "the picture is damaged (no marker where one belongs)", _REMEDY)
         marker = data[position + 1]
         (length,) = struct.unpack_from(">H", data, position + 2)
         if position + 2 + length > len(data):
@@ -140,12 +134,7 @@ def encode_png(image: np.ndarray) -> bytes:
         If it is of another shape or type.
     """
     colour = image.ndim == 3
-    if (
-        image.dtype != np.uint8
-        or image.size == 0
-        or image.ndim not in (2, 3)
-        or (colour and image.shape[2] != 3)
-    ):
+    if image.dtype != np.uint8 or image.size == 0 or image.ndim not in (2, 3) or (colour and image.shape[2] != 3):
         raise ValueError(f"a picture is (H, W) or (H, W, 3) uint8, not {image.shape} {image.dtype}")
     height, width = image.shape[:2]
     rows = np.ascontiguousarray(image).reshape(height, -1)
@@ -155,9 +144,7 @@ def encode_png(image: np.ndarray) -> bytes:
     filtered[1:, 1:] = rows[1:] - rows[:-1]
 
     def chunk(kind: bytes, content: bytes) -> bytes:
-        return (
-            struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-        )
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2 if colour else 0, 0, 0, 0)
     body = zlib.compress(filtered.tobytes(), 6)

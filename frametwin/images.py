@@ -138,9 +138,7 @@ def undistort(mask: np.ndarray, camera: Camera) -> np.ndarray:
         return mask
     size = (camera.width, camera.height)
     matrix = camera.K_opencv
-    column, row = cv2.initUndistortRectifyMap(
-        matrix, camera.distortion, np.eye(3), matrix, size, cv2.CV_32FC1
-    )
+    column, row = cv2.initUndistortRectifyMap(matrix, camera.distortion, np.eye(3), matrix, size, cv2.CV_32FC1)
     return np.asarray(
         cv2.remap(mask, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(0.0,))
     )

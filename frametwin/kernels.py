@@ -133,9 +133,7 @@ def anchored_kernels(control_points: Tensor, layout: KernelLayout, *, spread: fl
         If the layout is for another number of struts.
     """
     if control_points.shape != (len(layout.counts), 4, 3):
-        raise ValueError(
-            f"control points {tuple(control_points.shape)} do not fit {len(layout.counts)} struts"
-        )
+        raise ValueError(f"control points {tuple(control_points.shape)} do not fit {len(layout.counts)} struts")
     count = layout.even_count
     if count is not None:
         stencil = torch.from_numpy(layout._stencil(slice(0, count))).to(control_points.dtype)  # (3, K, 4)
@@ -238,9 +236,7 @@ def adaptive_counts(
     for camera in cameras:
         pixels, depth = camera.project(points, distort=False)
         length = np.linalg.norm(np.diff(pixels, axis=1), axis=2).sum(axis=1)
-        radius_pixels = (
-            radius * max(camera.fl_x, camera.fl_y) / np.where(depth > 0.0, depth, np.nan).mean(axis=1)
-        )
+        radius_pixels = radius * max(camera.fl_x, camera.fl_y) / np.where(depth > 0.0, depth, np.nan).mean(axis=1)
         needed = np.fmax(needed, length / np.fmax(spacing * radius_pixels, least_pixels))
     return np.clip(np.ceil(needed), minimum, maximum).astype(np.int64)
 
@@ -261,9 +257,7 @@ def effective_radius(thickness: ArrayLike, opacity: ArrayLike, *, spread: float 
     """
     thickness, opacity = np.broadcast_arrays(np.asarray(thickness, float), np.asarray(opacity, float))
     reach = int(np.ceil(4.0 * spread)) + 1
-    along = np.exp(
-        -0.5 * (np.arange(-reach, reach + 1) / spread) ** 2
-    )  # neighbours' values at a kernel's own mean
+    along = np.exp(-0.5 * (np.arange(-reach, reach + 1) / spread) ** 2)  # neighbours' values at a kernel's own mean
     weight = np.clip(opacity, 0.0, 1.0)[..., None] * along
 
     def coverage(across: Floats) -> Floats:

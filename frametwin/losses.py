@@ -93,9 +93,7 @@ class BendingLoss:
         distance, _ = self._tree.query(np.asarray(points, dtype=np.float64))
         return np.asarray(distance, dtype=np.float64) ** self._power
 
-    def __call__(
-        self, laplacian_of: Callable[[Tensor], Tensor], dtype: torch.dtype = torch.float64
-    ) -> Tensor:
+    def __call__(self, laplacian_of: Callable[[Tensor], Tensor], dtype: torch.dtype = torch.float64) -> Tensor:
         """Estimate the integral.
 
         Parameters

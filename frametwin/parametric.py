@@ -44,9 +44,7 @@ class _Plan:
         start, end = np.array(self.joints[a]), np.array(self.joints[b])
         angle = np.arctan2(start[0] * end[1] - start[1] * end[0], start[:2] @ end[:2])
         # The classic circular arc: handles of 4/3 tan(angle/4) radii along the tangents.
-        handle = (
-            4.0 / 3.0 * np.tan(angle / 4.0) * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-        )
+        handle = 4.0 / 3.0 * np.tan(angle / 4.0) * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         points = np.array([start, start + handle @ start, end - handle @ end, end])
         self.curved[len(self.struts)] = points.round(DIGITS) + 0.0
         self.strut(a, b)

@@ -121,9 +121,7 @@ def project_covariances(means: Tensor, covariances: Tensor, views: Views) -> Pro
     jacobian = torch.stack([torch.stack([j[0], zero, j[1]], -1), torch.stack([zero, j[2], j[3]], -1)], -2)
     m = jacobian @ views.rotation[:, None]  # (V, N, 2, 3)
     flat = m @ covariances[None] @ m.transpose(-1, -2)
-    return Projected(
-        pixels, torch.stack([flat[..., 0, 0], flat[..., 0, 1], flat[..., 1, 1]], -1), depth, visible
-    )
+    return Projected(pixels, torch.stack([flat[..., 0, 0], flat[..., 0, 1], flat[..., 1, 1]], -1), depth, visible)
 
 
 def low_pass(
@@ -161,9 +159,7 @@ def _expand(points: Tensor, views: Views) -> tuple[Tensor, tuple[Tensor, ...], T
     local = torch.einsum("vij,nj->vni", views.rotation, points) + views.translation[:, None]
     x, y, depth = local.unbind(-1)
     ahead = depth > NEAR
-    z = torch.where(
-        ahead, depth, torch.ones_like(depth)
-    )  # never divide by a depth near zero, not even unseen
+    z = torch.where(ahead, depth, torch.ones_like(depth))  # never divide by a depth near zero, not even unseen
     fx, fy = views.focal[:, None, 0], views.focal[:, None, 1]
     u, v = fx * x / z, fy * y / z
     means = torch.stack([u + views.centre[:, None, 0], v + views.centre[:, None, 1]], dim=-1)

@@ -112,9 +112,7 @@ def rotation_minimising_frames(
 
 def _double_reflection(chord: Floats, before: Floats, after: Floats, normal: Floats) -> Floats:
     """Carry the normal over one step; every argument has the shape (..., 3)."""
-    still = (
-        _dot(chord, chord) == 0.0
-    )  # the curve stands still: take the symmetric step between the two tangents
+    still = _dot(chord, chord) == 0.0  # the curve stands still: take the symmetric step between the two tangents
     first = np.where(still, before + after, chord)
     tangent = _reflect(before, first)
     return _reflect(_reflect(normal, first), after - tangent)

@@ -157,9 +157,7 @@ def write_twin(folder: PathLike, twin: Twin) -> Path:
         If ``timing`` or ``provenance`` hold a NaN or an infinity.
     """
     path = Path(folder) / FILE_NAME
-    write_json(
-        path, {"format": FORMAT, "version": VERSION, **{name: getattr(twin, name) for name in _FIELDS}}
-    )
+    write_json(path, {"format": FORMAT, "version": VERSION, **{name: getattr(twin, name) for name in _FIELDS}})
     return path
 
 
@@ -182,7 +180,5 @@ def read_twin(path: PathLike) -> Twin:
     if unknown:
         raise InputError.at(file, unknown[0], "is not a field of a twin file", "remove it")
     if not isinstance(data["loss"], list):
-        raise InputError.at(
-            file, "loss", "is not a list", "write the loss after each iteration as [number, ...]"
-        )
+        raise InputError.at(file, "loss", "is not a list", "write the loss after each iteration as [number, ...]")
     return Twin(**{name: data[name] for name in _FIELDS}, source=str(file))

@@ -231,9 +231,7 @@ class Wireframe:
             If nothing has been printed.
         """
         if not self.printed.any():
-            raise InputError.at(
-                self.name, "printed", "no strut is printed", "mark at least one strut as printed"
-            )
+            raise InputError.at(self.name, "printed", "no strut is printed", "mark at least one strut as printed")
         frame, vertex_ids = self.subset(self.printed)
         return frame, np.flatnonzero(self.printed), vertex_ids
 

@@ -34,17 +34,13 @@ def check_graph(vertices: np.ndarray, edges: np.ndarray, source: str) -> None:
     loops = np.flatnonzero(edges[:, 0] == edges[:, 1])
     if loops.size:
         i = int(loops[0])
-        raise InputError.at(
-            source, f"edges[{i}]", f"joins vertex {int(edges[i, 0])} to itself", "remove the strut"
-        )
+        raise InputError.at(source, f"edges[{i}]", f"joins vertex {int(edges[i, 0])} to itself", "remove the strut")
     _, first, group = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_inverse=True)
     again = np.flatnonzero(first[group.ravel()] != np.arange(len(edges)))
     if again.size:
         i, j = int(again[0]), int(first[group.ravel()[again[0]]])
         pair = tuple(int(v) for v in edges[i])
-        raise InputError.at(
-            source, f"edges[{i}]", f"{pair} repeats edges[{j}]", "remove one of the two struts"
-        )
+        raise InputError.at(source, f"edges[{i}]", f"{pair} repeats edges[{j}]", "remove one of the two struts")
     chords = np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1)
     extent = float(np.ptp(vertices[edges.ravel()], axis=0).max())
     short = np.flatnonzero(chords <= _ZERO_LENGTH * extent)

@@ -40,6 +40,4 @@ def assert_same(found: Camera, wanted: Camera) -> None:
     np.testing.assert_allclose(found.distortion, wanted.distortion, rtol=1e-12, atol=0)
     scale = np.abs(wanted.centre).max()
     np.testing.assert_allclose(found.centre, wanted.centre, rtol=0, atol=1e-12 * scale)
-    np.testing.assert_allclose(
-        found.camera_to_world[:3, :3], wanted.camera_to_world[:3, :3], rtol=0, atol=1e-12
-    )
+    np.testing.assert_allclose(found.camera_to_world[:3, :3], wanted.camera_to_world[:3, :3], rtol=0, atol=1e-12)

@@ -40,9 +40,7 @@ def each_key(file: str, keys: dict[str, str], edit: Callable[[dict[str, Any], st
         kind(file, field)(damage)
 
 
-def value(
-    file: str, key: str, index: tuple[int | str, ...], new: Any, name: str, field: str | None = None
-) -> None:
+def value(file: str, key: str, index: tuple[int | str, ...], new: Any, name: str, field: str | None = None) -> None:
     """Register a damage that replaces one value."""
 
     def damage(folder: Path) -> None:

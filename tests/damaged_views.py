@@ -81,9 +81,7 @@ def image_link_to_itself(folder: Path) -> None:
     os.symlink("camera_01.png", folder / "images" / "camera_01.png")
 
 
-def pose(
-    name: str, field: str = "frames[2].transform_matrix"
-) -> Callable[[Callable[[np.ndarray], Any]], None]:
+def pose(name: str, field: str = "frames[2].transform_matrix") -> Callable[[Callable[[np.ndarray], Any]], None]:
     """Register a damage of one pose, which may return a new matrix or change it in place."""
 
     def register(edit: Callable[[np.ndarray], Any]) -> None:
@@ -91,9 +89,7 @@ def pose(
             def apply(data: dict[str, Any]) -> None:
                 matrix = np.array(data["frames"][2]["transform_matrix"])
                 result = edit(matrix)
-                data["frames"][2]["transform_matrix"] = (
-                    matrix if result is None else np.asarray(result)
-                ).tolist()
+                data["frames"][2]["transform_matrix"] = (matrix if result is None else np.asarray(result)).tolist()
 
             change(folder / "transforms.json", apply)
 

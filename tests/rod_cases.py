@@ -6,14 +6,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from frametwin import bezier
 from frametwin.cameras import Camera, look_at
+from frametwin.raster import rod_reference, rods
 from frametwin.raster.pyramid import Level, Pyramid
 from frametwin.raster.rods import Rods
 from frametwin.wireframe import Wireframe
 
 SIZES = ((40, 56), (33, 21), (18, 70))  # views may differ
+FAR_JOINTS = np.full((2, 3), 1e12)
+"""So far away that their discs cover nothing: for struts whose ends shall stay flat."""
+FAR_JOINTS = np.full((2, 3), 1e12)
+"""So far away that their discs cover nothing: for struts whose ends shall stay flat."""
 
 
 def camera_at(
@@ -64,8 +71,8 @@ def lone_rod(start: Sequence[float], end: Sequence[float], radius: float, pieces
     ends = np.array([start, end], dtype=np.float64)
     return Rods(
         control_points=bezier.straight(ends[:1], ends[1:]),
-        joints=ends if joints else np.zeros((0, 3)),
-        edges=np.array([[0, 1]]) if joints else np.zeros((0, 2), dtype=int),
+        joints=ends if joints else FAR_JOINTS,
+        edges=np.array([[0, 1]]),
         radius=np.full((1, pieces), radius),
         opacity=np.ones((1, pieces)),
     )
@@ -85,3 +92,32 @@ def of_frame(frame: Wireframe, pieces: int) -> Rods:
 def shifted(drawn: Rods, shift: np.ndarray) -> Rods:
     """The scene with its control points moved by ``shift`` (E, 4, 3)."""
     return replace(drawn, control_points=drawn.control_points + shift)
+
+
+def leaves_of(drawn: Rods) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Control points, joints, radius and opacity in float64, each to be differentiated by."""
+    arrays = (drawn.control_points, drawn.joints, drawn.radius, drawn.opacity)
+    return tuple(torch.from_numpy(np.array(x)).requires_grad_() for x in arrays)
+
+
+def reference_kernels(leaves: Sequence[Tensor], edges: np.ndarray, level: Level) -> list[tuple[Tensor, Tensor]]:
+    """Alpha and depth of all kernels of each view, by the torch reference."""
+    curves, joints, radius, opacity = leaves
+    points = torch.from_numpy(rods.basis(radius.shape[1])) @ curves
+    return [
+        rod_reference.kernels(
+            points,
+            joints,
+            torch.from_numpy(edges),
+            radius,
+            opacity,
+            rod_reference.View(torch.from_numpy(camera), (int(shape[0]), int(shape[1])), level.spread),
+        )
+        for camera, shape in zip(level.cameras, level.shapes, strict=True)
+    ]
+
+
+def weighted_sum(pictures: Sequence[Tensor], seed: int) -> Tensor:
+    """A loss with a different gradient at every pixel."""
+    rng = np.random.default_rng(seed)
+    return torch.stack([(p.double() * torch.from_numpy(rng.normal(size=p.shape))).sum() for p in pictures]).sum()

@@ -80,9 +80,7 @@ def test_split_pieces_cover_the_curve(cut: float) -> None:
     left, right = bezier.split(points, cut)
     u = np.linspace(0.0, 1.0, 9)
     np.testing.assert_allclose(bezier.evaluate(left, u), bezier.evaluate(points, u * cut), atol=1e-12)
-    np.testing.assert_allclose(
-        bezier.evaluate(right, u), bezier.evaluate(points, cut + u * (1.0 - cut)), atol=1e-12
-    )
+    np.testing.assert_allclose(bezier.evaluate(right, u), bezier.evaluate(points, cut + u * (1.0 - cut)), atol=1e-12)
 
 
 def test_arc_length_of_a_parabola_is_the_closed_form() -> None:

@@ -134,9 +134,7 @@ def test_nerfstudio_axes_are_opengls() -> None:
 
 def test_nerfstudio_intrinsics_may_be_shared_and_overridden() -> None:
     frame = to_nerfstudio(random_camera(4), "a.png")
-    shared = {
-        key: frame.pop(key) for key in ("w", "h", "fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-    }
+    shared = {key: frame.pop(key) for key in ("w", "h", "fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2", "k3")}
     assert_same(from_nerfstudio(frame, shared=shared, name="view 4.png"), random_camera(4))
     assert from_nerfstudio({**frame, "fl_x": 77.0}, shared=shared).fl_x == 77.0
 

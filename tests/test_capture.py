@@ -85,9 +85,7 @@ def test_written_whole_or_not_at_all(tmp_path: Path, straight_frame: Wireframe) 
     cameras = ring_rig(straight_frame, 2, size=(60, 80))
     images = [picture(camera) for camera in cameras]
     other = Wireframe.create(straight_frame.vertices, straight_frame.edges[::-1], radius=1.0)
-    inside = Camera(
-        "inside", 80, 60, 90.0, 90.0, 40.0, 30.0, np.diag([1.0, 1.0, 1.0, 1.0]) + _shift(9, 11, 19)
-    )
+    inside = Camera("inside", 80, 60, 90.0, 90.0, 40.0, 30.0, np.diag([1.0, 1.0, 1.0, 1.0]) + _shift(9, 11, 19))
     bad: list[tuple[str, dict[str, Any]]] = [
         ("images", {"images": images[:1]}),
         ("background", {"backgrounds": images[:1]}),
@@ -204,9 +202,7 @@ def test_png_encoder_against_opencv(tmp_path: Path, shape: tuple[int, ...]) -> N
     assert image_size(tmp_path / "a.png") == (shape[1], shape[0])
 
 
-@pytest.mark.parametrize(
-    "image", [np.zeros((4, 4)), np.zeros((4, 4, 2), np.uint8), np.zeros((0, 4), np.uint8)]
-)
+@pytest.mark.parametrize("image", [np.zeros((4, 4)), np.zeros((4, 4, 2), np.uint8), np.zeros((0, 4), np.uint8)])
 def test_png_encoder_refuses(image: np.ndarray) -> None:
     with pytest.raises(ValueError, match="uint8"):
         encode_png(image)
@@ -234,7 +230,5 @@ def test_reading_a_capture_imports_nothing_heavy(small_capture: Path) -> None:
         "sys.exit(str(heavy) if heavy else 0)"
     )
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1])}
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

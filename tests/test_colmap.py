@@ -75,9 +75,7 @@ GOOD_IMAGES = "1 1 0 0 0 0 0 250 1 a.jpg\n\n"
         (GOOD_CAMERAS, "1 1 0 0 0 0 0 250 5 a.jpg\n\n", "CAMERA_ID"),
     ],
 )
-def test_damaged_colmap_files_are_refused_by_line(
-    tmp_path: Path, cameras: str, images: str, message: str
-) -> None:
+def test_damaged_colmap_files_are_refused_by_line(tmp_path: Path, cameras: str, images: str, message: str) -> None:
     (tmp_path / "cameras.txt").write_text(cameras)
     (tmp_path / "images.txt").write_text(images)
     with pytest.raises(InputError, match=message) as caught:

@@ -88,9 +88,7 @@ def test_any_other_damage_is_refused_or_harmless(small_capture: Path, seed: int)
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", KINDS)
-def test_damage_is_refused_in_one_sentence(
-    small_capture: Path, capfd: pytest.CaptureFixture[str], name: str
-) -> None:
+def test_damage_is_refused_in_one_sentence(small_capture: Path, capfd: pytest.CaptureFixture[str], name: str) -> None:
     damage, file, field = KINDS[name]
     damage(small_capture)
     before = contents(small_capture.parent)

@@ -135,9 +135,7 @@ def test_staged_folder_in_place_of_another(tmp_path: Path) -> None:
     assert os.listdir(target) == ["b"] and os.listdir(tmp_path) == ["run"]
 
 
-def test_staged_folder_never_replaces_the_working_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_staged_folder_never_replaces_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a" / "b").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "a" / "b")
     for path in (tmp_path / "a", tmp_path, Path("..")):

@@ -29,8 +29,7 @@ def assembly(**changes: Any) -> dict[str, Any]:
         "model_name": "tripod",
         "unit": "millimeter",
         "node_list": [
-            {"point": {"X": float(x), "Y": float(y), "Z": float(z)}, "is_grounded": int(z == 0)}
-            for x, y, z in points
+            {"point": {"X": float(x), "Y": float(y), "Z": float(z)}, "is_grounded": int(z == 0)} for x, y, z in points
         ],
         "element_list": [{"end_node_ids": [i, 3], "layer_id": layer} for i, layer in enumerate((7, -1, 7))],
         **changes,
@@ -219,9 +218,7 @@ def test_newer_dialect(tmp_path: Path) -> None:
     }
     frame = read_frame(write(tmp_path / "post.json", data))
     assert frame.vertices[1].tolist() == [0.0, 100.0, 200.0]
-    assert (
-        frame.edges.tolist() == [[1, 0]] and frame.name == "post" and frame.grounded.tolist() == [True, False]
-    )
+    assert frame.edges.tolist() == [[1, 0]] and frame.name == "post" and frame.grounded.tolist() == [True, False]
 
 
 def _changed(field: str, index: int, **change: Any) -> dict[str, Any]:

@@ -41,9 +41,7 @@ def random_scene(seed: int, sizes: list[tuple[int, int]], count: int = 50) -> tu
     return tuple(torch.from_numpy(x).requires_grad_() for x in (means, conics, opacity))
 
 
-def blended(
-    scene: tuple[Tensor, Tensor, Tensor], sizes: list[tuple[int, int]], seed: int = 0
-) -> list[Tensor]:
+def blended(scene: tuple[Tensor, Tensor, Tensor], sizes: list[tuple[int, int]], seed: int = 0) -> list[Tensor]:
     depth = torch.from_numpy(np.random.default_rng(seed).permutation(scene[2].shape[1]))
     return [reference.blend(*(x[v] for x in scene), depth.double(), size) for v, size in enumerate(sizes)]
 
@@ -193,10 +191,7 @@ def test_gradients_reach_curves_thickness_and_opacity() -> None:
     leaves = (points, tau, alpha)
     projected = project_anchored(anchored_kernels(points, layout), tau, views)
     scene = low_pass(projected, alpha)
-    exact = [
-        reference.blend(*(x[v] for x in scene), projected.depth[v], size)
-        for v, size in enumerate(views.sizes)
-    ]
+    exact = [reference.blend(*(x[v] for x in scene), projected.depth[v], size) for v, size in enumerate(views.sizes)]
     compiled = splat(*scene, views.sizes)
     for one, other in zip(compiled, exact, strict=True):
         assert other.max() > 0.5

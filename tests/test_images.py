@@ -97,9 +97,7 @@ def test_binarisation_rules_of_the_paper() -> None:
         binarise_photo(image, image[:, :2])
 
 
-def test_photo_in_front_of_a_cluttered_background(
-    tmp_path: Path, straight_frame: Wireframe, draw: Draw
-) -> None:
+def test_photo_in_front_of_a_cluttered_background(tmp_path: Path, straight_frame: Wireframe, draw: Draw) -> None:
     """Grey plastic with shading and noise, a blue table, and a bright lamp that was there before."""
     capture = capture_of(tmp_path, straight_frame, draw)
     rng = np.random.default_rng(0)
@@ -134,18 +132,14 @@ def test_undistorted_picture_is_that_of_the_pinhole_camera(draw: Draw, curved_fr
         rows, columns = np.mgrid[: camera.height, : camera.width]
         image += np.exp(-((columns + 0.5 - pixel[0]) ** 2 + (rows + 0.5 - pixel[1]) ** 2) / (2 * 2.0**2))
         straight = undistort(image, camera).astype(np.float64)
-        found = (
-            np.array([(straight * (columns + 0.5)).sum(), (straight * (rows + 0.5)).sum()]) / straight.sum()
-        )
+        found = np.array([(straight * (columns + 0.5)).sum(), (straight * (rows + 0.5)).sum()]) / straight.sum()
         wanted, _ = pinhole.project(point)
         assert np.linalg.norm(found - wanted) < 0.06
         moved.append(np.linalg.norm(wanted - pixel))
     assert max(moved) > 5.0  # half a pixel of confusion would show, and so would no undistortion
 
 
-def test_masks_of_a_distorted_view_are_undistorted(
-    tmp_path: Path, straight_frame: Wireframe, draw: Draw
-) -> None:
+def test_masks_of_a_distorted_view_are_undistorted(tmp_path: Path, straight_frame: Wireframe, draw: Draw) -> None:
     cameras = [
         replace(camera, distortion=np.array([-0.2, 0.05, 0.0, 0.0, 0.0]))
         for camera in ring_rig(straight_frame, 2, size=(300, 400))

@@ -87,14 +87,10 @@ class TestAnchors:
         plain = points.detach().numpy()
         slope = bezier.derivative(plain, u)
         chord = bezier.evaluate(plain, u + 1.0 / 12.0) - bezier.evaluate(plain, u - 1.0 / 12.0)
-        np.testing.assert_allclose(
-            kernels.means.detach().view(5, 6, 3), bezier.evaluate(plain, u), atol=1e-12
-        )
+        np.testing.assert_allclose(kernels.means.detach().view(5, 6, 3), bezier.evaluate(plain, u), atol=1e-12)
         unit = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
         np.testing.assert_allclose(kernels.tangents.detach().view(5, 6, 3), unit, atol=1e-12)
-        np.testing.assert_allclose(
-            kernels.along.detach().view(5, 6), np.linalg.norm(chord, axis=-1), rtol=1e-12
-        )
+        np.testing.assert_allclose(kernels.along.detach().view(5, 6), np.linalg.norm(chord, axis=-1), rtol=1e-12)
 
     def test_ragged_struts_equal_even_ones(self) -> None:
         points = curves()
@@ -104,9 +100,7 @@ class TestAnchors:
         for strut in (1, 3):
             for name in ("means", "tangents", "along"):
                 mine = getattr(ragged, name)[torch.from_numpy(owner == strut)]
-                torch.testing.assert_close(
-                    mine, getattr(even, name)[5 * strut : 5 * strut + 5], rtol=0, atol=1e-12
-                )
+                torch.testing.assert_close(mine, getattr(even, name)[5 * strut : 5 * strut + 5], rtol=0, atol=1e-12)
 
     def test_gradients(self) -> None:
         layout = KernelLayout(np.array([2, 3]))
@@ -120,9 +114,7 @@ class TestAnchors:
     def test_a_collapsed_strut_has_finite_gradients(self) -> None:
         points = torch.zeros(1, 4, 3, dtype=torch.float64, requires_grad=True)
         kernels = anchored_kernels(points, KernelLayout.even(1, 3))
-        (grad,) = torch.autograd.grad(
-            kernels.means.sum() + kernels.tangents.sum() + kernels.along.sum(), points
-        )
+        (grad,) = torch.autograd.grad(kernels.means.sum() + kernels.tangents.sum() + kernels.along.sum(), points)
         assert torch.isfinite(grad).all()
 
     def test_refuses_another_number_of_struts(self) -> None:
@@ -191,9 +183,7 @@ class TestAdaptiveCounts:
         assert adaptive_counts(self.straight(30.0), [2.0], [along]).tolist() == [4]
 
     def test_a_strut_behind_the_camera_takes_the_least(self) -> None:
-        away = Camera(
-            "e", 400, 300, 500.0, 500.0, 200.0, 150.0, look_at([200.0, 0.0, 0.0], [400.0, 0.0, 0.0])
-        )
+        away = Camera("e", 400, 300, 500.0, 500.0, 200.0, 150.0, look_at([200.0, 0.0, 0.0], [400.0, 0.0, 0.0]))
         assert adaptive_counts(self.straight(30.0), [2.0], [away]).tolist() == [4]
 
 
@@ -233,16 +223,12 @@ class TestProjection:
         covariance = isotropic_covariance(kernels, tau).detach().numpy()
         means, step = kernels.means.detach().numpy(), 1e-4
         for v, camera in enumerate(cameras()):
-            ahead = [
-                camera.project(means + step * e)[0] - camera.project(means - step * e)[0] for e in np.eye(3)
-            ]
+            ahead = [camera.project(means + step * e)[0] - camera.project(means - step * e)[0] for e in np.eye(3)]
             jacobian = np.stack(ahead, axis=-1) / (2.0 * step)  # (N, 2, 3)
             flat = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
             seen = projected.visible[v].numpy()
             expected = np.stack([flat[:, 0, 0], flat[:, 0, 1], flat[:, 1, 1]], axis=-1)[seen]
-            np.testing.assert_allclose(
-                projected.covariances[v].detach()[seen], expected, rtol=1e-5, atol=1e-6
-            )
+            np.testing.assert_allclose(projected.covariances[v].detach()[seen], expected, rtol=1e-5, atol=1e-6)
 
     def test_short_cut_equals_general_projection(self) -> None:
         kernels, tau = self.kernels()

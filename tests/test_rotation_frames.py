@@ -25,9 +25,7 @@ def assert_orthonormal(frames) -> None:
 
 def angle_about_tangent(normal: np.ndarray, reference: np.ndarray, tangent: np.ndarray) -> np.ndarray:
     """Signed angle from the reference to the normal about the tangent."""
-    return np.arctan2(
-        np.sum(tangent * np.cross(reference, normal), axis=-1), np.sum(reference * normal, axis=-1)
-    )
+    return np.arctan2(np.sum(tangent * np.cross(reference, normal), axis=-1), np.sum(reference * normal, axis=-1))
 
 
 def frenet_normals(points: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -105,12 +103,8 @@ def test_straight_struts_have_one_frame_with_its_normal_upwards() -> None:
     ends = np.array([[30.0, 4.0, 7.0], [0.0, 0.0, 25.0], [0.0, 0.0, -25.0], [0.0, 18.0, 0.0]])
     frames = rotation_minimising_frames(bezier.straight(np.zeros(3), ends), U)
     assert_orthonormal(frames)
-    np.testing.assert_allclose(
-        frames.tangent, np.repeat((ends.T / np.linalg.norm(ends, axis=1)).T[:, None], 20, 1)
-    )
-    np.testing.assert_allclose(
-        frames.normal, np.broadcast_to(frames.normal[:, :1], frames.normal.shape), atol=1e-12
-    )
+    np.testing.assert_allclose(frames.tangent, np.repeat((ends.T / np.linalg.norm(ends, axis=1)).T[:, None], 20, 1))
+    np.testing.assert_allclose(frames.normal, np.broadcast_to(frames.normal[:, :1], frames.normal.shape), atol=1e-12)
     assert (frames.normal[[0, 3], :, 2] > 0.9).all()
     np.testing.assert_allclose(frames.normal[1:3, :, 0], 1.0, atol=1e-12)
 

@@ -43,9 +43,7 @@ def test_tasks_are_lint_and_tests_and_the_demo(run: ModuleType) -> None:
     ("version", "suits"),
     [((3, 10, 14), False), ((3, 11, 0), True), ((3, 13, 9), True), ((3, 14, 0), False), ((2, 7), False)],
 )
-def test_versions_of_python_are_those_of_the_package(
-    run: ModuleType, version: tuple[int, ...], suits: bool
-) -> None:
+def test_versions_of_python_are_those_of_the_package(run: ModuleType, version: tuple[int, ...], suits: bool) -> None:
     assert run.suits(version) is suits
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     low, high = re.fullmatch(r">=3\.(\d+),<3\.(\d+)", project["requires-python"]).groups()
@@ -101,9 +99,7 @@ def test_pytorch_comes_first_and_alone_and_the_second_time_nothing(
     torch, rest = recorded
     assert torch[-3:] == ["torch==2.13.0", "--extra-index-url", "https://example.org/cpu"]
     assert rest[-2:] == ["-e", ".[test]"]
-    assert all(
-        command[-4 if command is rest else -5 :][:2] == ["-c", "constraints.txt"] for command in recorded
-    )
+    assert all(command[-4 if command is rest else -5 :][:2] == ["-c", "constraints.txt"] for command in recorded)
     recorded.clear()
     run.set_up(tmp_path, {"test"}, None)
     assert recorded == []
@@ -123,9 +119,7 @@ def test_an_interrupted_or_outdated_set_up_is_done_again_with_all_its_extras(
     assert recorded[-1][-1] == ".[extra,test]"
 
 
-def test_the_exit_code_of_a_failing_part_is_carried_through(
-    run: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_exit_code_of_a_failing_part_is_carried_through(run: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     for codes, wanted in (([0, 0, 0], 0), ([0, 0, 5], 5), ([1, 0, 0], 1), ([1, 0, 2], 2)):
         left = list(codes)
         monkeypatch.setattr(run, "call", lambda command, environment=None, left=left: left.pop(0))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 
+import numba
 import numpy as np
 import pytest
 import torch
@@ -22,6 +24,17 @@ from frametwin.wireframe import Wireframe
 
 QUICK = {"iterations": 4, "samples": 4, "kernels_per_strut": 4, "bending_samples": 64}
 SIZE = (72, 96)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread() -> Iterator[None]:
+    """Fits as small as these lose more by waiting for a second thread than they gain by it."""
+    before = torch.get_num_threads(), numba.get_num_threads()
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
+    yield
+    torch.set_num_threads(before[0])
+    numba.set_num_threads(before[1])
 
 
 def bent(frame: Wireframe) -> Wireframe:

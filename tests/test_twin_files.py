@@ -116,9 +116,7 @@ def test_twin_as_a_wireframe(straight_frame: Wireframe, curved_frame: Wireframe)
     moved = curved_frame.transformed(np.diag([1.1, 1.0, 0.9, 1.0]))
     frame = make(moved).as_wireframe(straight_frame)
     assert np.array_equal(frame.control_points, moved.control_points)
-    assert np.array_equal(frame.edges, straight_frame.edges) and np.array_equal(
-        frame.radius, straight_frame.radius
-    )
+    assert np.array_equal(frame.edges, straight_frame.edges) and np.array_equal(frame.radius, straight_frame.radius)
     part, _ = straight_frame.subset(np.arange(24) < 20)
     with pytest.raises(InputError, match="the twin 24 and 12"):
         make(moved).as_wireframe(part)

@@ -19,9 +19,7 @@ def test_defaults() -> None:
     assert frame.printed.all() and frame.printed.dtype == bool
     assert frame.batch.tolist() == [0, 0, 0] and frame.batch.dtype == np.int64
     assert frame.edges.dtype == np.int64
-    np.testing.assert_allclose(
-        frame.control_points[0], [[0, 0, 0], [10, 0, 0], [20, 0, 0], [30, 0, 0]], atol=1e-13
-    )
+    np.testing.assert_allclose(frame.control_points[0], [[0, 0, 0], [10, 0, 0], [20, 0, 0], [30, 0, 0]], atol=1e-13)
     assert frame.is_straight
     assert (frame.strut_count, frame.vertex_count, frame.name) == (3, 3, "frame")
 
@@ -53,9 +51,7 @@ def test_arrays_are_copied_and_read_only() -> None:
 def test_curve_ends_are_snapped_to_the_vertices() -> None:
     frame = Wireframe.create(*TRIANGLE)
     curves = frame.control_points + 1e-8
-    assert np.array_equal(
-        frame.replace(control_points=curves).control_points[:, [0, 3]], frame.vertices[frame.edges]
-    )
+    assert np.array_equal(frame.replace(control_points=curves).control_points[:, [0, 3]], frame.vertices[frame.edges])
 
 
 BAD = {
@@ -197,7 +193,5 @@ def test_replace_checks_again(straight_frame: Wireframe) -> None:
     with pytest.raises(InputError, match="control_points"):
         straight_frame.replace(vertices=straight_frame.vertices + 1.0)
     moved = straight_frame.vertices + 1.0
-    frame = straight_frame.replace(
-        vertices=moved, control_points=straight_control_points(moved, straight_frame.edges)
-    )
+    frame = straight_frame.replace(vertices=moved, control_points=straight_control_points(moved, straight_frame.edges))
     assert frame.is_straight and frame.bounds[0].tolist() == [1.0, 1.0, 1.0]

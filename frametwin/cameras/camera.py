@@ -225,9 +225,7 @@ def packed(cameras: Iterable[Camera]) -> Floats:
     (N, 16) rows: rotation world to camera, row by row (9), translation in mm (3), fl_x, fl_y, cx, cy.
     """
     rows = [
-        np.concatenate(
-            [c.world_to_camera[:3, :3].ravel(), c.world_to_camera[:3, 3], [c.fl_x, c.fl_y, c.cx, c.cy]]
-        )
+        np.concatenate([c.world_to_camera[:3, :3].ravel(), c.world_to_camera[:3, 3], [c.fl_x, c.fl_y, c.cx, c.cy]])
         for c in cameras
     ]
     return np.array(rows, dtype=np.float64).reshape(len(rows), 16)

@@ -131,9 +131,7 @@ def _read_intrinsics(path: Path) -> dict[str, tuple[float, float, dict[str, floa
         where, fields = f"{path}: line {number}", line.split()
         model = fields[1] if len(fields) > 1 else "none"
         if model not in MODELS:
-            raise InputError.at(
-                where, "MODEL", f"{model} is not supported", f"use one of {', '.join(MODELS)}"
-            )
+            raise InputError.at(where, "MODEL", f"{model} is not supported", f"use one of {', '.join(MODELS)}")
         keys = MODELS[model]
         if len(fields) != 4 + len(keys):
             raise InputError.at(
@@ -145,9 +143,7 @@ def _read_intrinsics(path: Path) -> dict[str, tuple[float, float, dict[str, floa
         width, height, *values = _numbers(where, "PARAMS", fields[2:])
         named = dict(zip(keys, values, strict=True))
         if any(named.get(key, 0.0) != 0.0 for key in ("k4", "k5", "k6")):
-            raise InputError.at(
-                where, "k4 k5 k6", "rational distortion is not supported", "calibrate with OPENCV"
-            )
+            raise InputError.at(where, "k4 k5 k6", "rational distortion is not supported", "calibrate with OPENCV")
         intrinsics[fields[0]] = (width, height, named)
     return intrinsics
 
@@ -169,9 +165,7 @@ def _camera_to_world(where: str, pose: Sequence[float]) -> Floats:
     quaternion, translation = np.array(pose[:4]), np.array(pose[4:])
     length = np.linalg.norm(quaternion)
     if not abs(length - 1.0) < 1e-3:
-        raise InputError.at(
-            where, "QW QX QY QZ", "the quaternion is not of length 1", "export the model again"
-        )
+        raise InputError.at(where, "QW QX QY QZ", "the quaternion is not of length 1", "export the model again")
     w, x, y, z = quaternion / length
     rotation = np.array(  # camera to world: the transpose of the quaternion's matrix
         [

@@ -94,9 +94,7 @@ def from_nerfstudio(
         )
     for key in ("k4", "k5", "k6"):
         if values.get(key, 0) != 0:
-            raise InputError.at(
-                source, key, "the coefficient is not supported", "calibrate with k1 k2 p1 p2 k3 only"
-            )
+            raise InputError.at(source, key, "the coefficient is not supported", "calibrate with k1 k2 p1 p2 k3 only")
     pinhole = Camera(
         name=str(values.get("file_path", "camera")) if name is None else name,
         width=values["w"],

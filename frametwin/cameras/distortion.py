@@ -64,16 +64,12 @@ def undistort(plane: ArrayLike, coefficients: ArrayLike) -> Floats:
         determinant = a * d - b * c
         with np.errstate(divide="ignore", invalid="ignore"):
             step = (
-                np.stack(
-                    [d * error[..., 0] - b * error[..., 1], a * error[..., 1] - c * error[..., 0]], axis=-1
-                )
+                np.stack([d * error[..., 0] - b * error[..., 1], a * error[..., 1] - c * error[..., 0]], axis=-1)
                 / determinant[..., None]
             )
         # Past the fold the map runs backwards, and a full step from near it would jump to another sheet.
         size = np.linalg.norm(step, axis=-1, keepdims=True)
-        step *= np.minimum(
-            1.0, 0.5 * (0.1 + np.linalg.norm(points, axis=-1, keepdims=True)) / np.maximum(size, 1e-300)
-        )
+        step *= np.minimum(1.0, 0.5 * (0.1 + np.linalg.norm(points, axis=-1, keepdims=True)) / np.maximum(size, 1e-300))
         points = points - step
         if not np.any(size > TOLERANCE * (1.0 + np.linalg.norm(points, axis=-1, keepdims=True))):
             break

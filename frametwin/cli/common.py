@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -128,8 +129,12 @@ def check_output_folder(path: Path, overwrite: bool, mark: str) -> None:
     InputError
         If it is a file, or a folder with something in it that may not be replaced.
     """
-    if path.exists() and not path.is_dir():
-        raise InputError.at(path, "--out", "is the name of a file", "choose another name for the folder")
+    above = next(parent for parent in (path, *path.absolute().parents) if parent.exists())
+    if not above.is_dir():
+        problem = "is the name of a file" if above == path else f"lies below the file {above}"
+        raise InputError.at(path, "--out", problem, "choose another name for the folder")
+    if not os.access(above, os.W_OK):
+        raise InputError.at(path, "--out", "cannot be written", "choose a place that is writable")
     if not path.is_dir() or not any(path.iterdir()):
         return
     if not overwrite:

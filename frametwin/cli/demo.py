@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from frametwin.evaluate import Errors
     from frametwin.findings import Detection
     from frametwin.fit.api import FitResult
-    from frametwin.simulate import Simulation
+    from frametwin.simulate import Simulation, SimulationSettings
+    from frametwin.wireframe import Wireframe
 
 MARK = "demo.json"
 CONTENT = frozenset({MARK, "capture", "run", "views.png"})
@@ -61,18 +62,7 @@ CONTENT = frozenset({MARK, "capture", "run", "views.png"})
 @overwrite_option("the folder, whatever is in it,")
 @quiet_option
 @json_option
-def command(
-    frame: str,
-    out: Path,
-    seed: int,
-    views: int,
-    size: tuple[int, int],
-    missing: int,
-    preset: str,
-    overwrite: bool,
-    quiet: bool,
-    as_json: bool,
-) -> None:
+def command(**options: Any) -> None:
     """Let a frame sag, take its pictures, find it in them again, and compare with the truth.
 
     The table shows how far the plan was from the truth, and how far the twin is: between the curves, at the
@@ -90,20 +80,45 @@ def command(
       frametwin demo
       frametwin demo --frame lattice_tower --missing 3 --out out/tower
     """
-    replace = overwrite or is_own_demo(out)
+    _demo(DemoOptions(**options))
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """The command line of a demo; see its help."""
+
+    frame: str
+    out: Path
+    seed: int
+    views: int
+    size: tuple[int, int]
+    missing: int
+    preset: str
+    overwrite: bool
+    quiet: bool
+    as_json: bool
+
+
+def _demo(options: DemoOptions) -> None:
+    out = options.out
+    replace = options.overwrite or is_own_demo(out)
     if out.is_dir() and any(out.iterdir()) and not replace:
         remedy = "choose another folder, or give --overwrite to replace all that is in it"
         raise InputError.at(out, "--out", "holds something else than an earlier demo", remedy)
-    plan = load_frame(frame)
+    plan = load_frame(options.frame)
     from frametwin.files import staged_directory
     from frametwin.simulate import SimulationSettings
 
-    settings = SimulationSettings(views=views, size=size, seed=seed, missing=missing)
-    with Display(quiet) as display, staged_directory(out, overwrite=replace) as stage:
-        done = run_demo(plan, settings, preset, stage, display)
-    if as_json:
+    settings = SimulationSettings(views=options.views, size=options.size, seed=options.seed, missing=options.missing)
+    with Display(options.quiet) as display, staged_directory(out, overwrite=replace) as stage:
+        done = run_demo(plan, settings, options.preset, stage, display)
+    if options.as_json:
         print_json({"out": out, **done.as_dict()})
-        return
+    else:
+        _tell(out, done)
+
+
+def _tell(out: Path, done: Done) -> None:
     print_facts(f"demo: {out}", done.facts())
     columns = ("", *(f"{who} {figure}" for who in ("plan", "twin") for figure in ("mean", "p95", "max")))
     print_table("Distance from the truth in mm", columns, error_rows(done.before, done.after))
@@ -147,7 +162,7 @@ class Done:
         return [*summary_facts(data, len(self.simulation.cameras)), sag]
 
 
-def run_demo(plan: Any, settings: Any, preset: str, folder: Path, display: Display) -> Done:
+def run_demo(plan: Wireframe, settings: SimulationSettings, preset: str, folder: Path, display: Display) -> Done:
     """Simulate, fit, evaluate and draw into ``folder``."""
     from frametwin.capture import read_capture
     from frametwin.evaluate import evaluate

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from time import perf_counter
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 PAUSE = 2.0
 """Seconds between lines of one stage, where there is no terminal."""
 
+PATIENCE = 5.0
+"""Seconds of silence between two stages after which a word is said about it."""
+
+HINT = "Still working: the first run on a machine compiles what it needs, which can take a minute."
+
 
 class Display:
     """A progress callback that shows stage, iteration, loss and time left, and stops when the user wants it.
@@ -29,6 +35,8 @@ class Display:
 
     def __init__(self, quiet: bool = False) -> None:
         self._show = None if quiet else (_Bar() if _is_terminal() else _Lines())
+        self._timer: threading.Timer | None = None
+        self._hinted = False
 
     def __enter__(self) -> Display:
         return self
@@ -39,6 +47,7 @@ class Display:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._stop_timer()
         if self._show is not None:
             self._show.close()
 
@@ -46,9 +55,23 @@ class Display:
         """Show a report; ``False`` when the user has asked to stop."""
         if interrupts.requested():
             return False
+        self._stop_timer()
         if self._show is not None:
             self._show.update(progress)
+            if progress.iteration in (0, progress.total) and not self._hinted:
+                self._timer = threading.Timer(PATIENCE, self._hint)
+                self._timer.daemon = True
+                self._timer.start()
         return True
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _hint(self) -> None:
+        self._hinted = True
+        if self._show is not None:
+            self._show.say(HINT)
 
 
 def _is_terminal() -> bool:
@@ -110,6 +133,10 @@ class _Lines:
         details = ", ".join(text for text in (_loss(progress), self.clock.left()) if text)
         click.echo(f"{progress.stage} {count}" + (f" ({details})" if details else ""), err=True)
 
+    def say(self, sentence: str) -> None:
+        """Show a sentence."""
+        click.echo(sentence, err=True)
+
     def close(self) -> None:
         """Show the end of a stage that stopped before its count was full."""
         if self.kept is not None:
@@ -153,6 +180,10 @@ class _Bar:
             loss=_loss(progress),
             left=self.clock.left(),
         )
+
+    def say(self, sentence: str) -> None:
+        """Show a sentence above the bar."""
+        self.bars.console.print(sentence, markup=False, highlight=False)
 
     def close(self) -> None:
         """Remove the bar."""

@@ -66,17 +66,7 @@ PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven
 @overwrite_option("RUN")
 @quiet_option
 @json_option
-def command(
-    capture: Path,
-    out: Path,
-    preset: str,
-    seed: int,
-    assignments: tuple[str, ...],
-    warm_start: Path | None,
-    overwrite: bool,
-    quiet: bool,
-    as_json: bool,
-) -> None:
+def command(**options: Any) -> None:
     """Find where every strut of the CAPTURE's frame is.
 
     RUN is a folder with the twin (twin.json: curves of all struts in mm, those still to be printed moved to
@@ -93,20 +83,42 @@ def command(
       frametwin fit out/batch2 --out out/run2 --warm-start out/run1
       frametwin fit out/bridge --out out/paper --preset paper --set iterations=50 --set image_scale=0.25
     """
-    check_output_folder(out, overwrite, "twin.json")
+    _fit(FitOptions(**options))
+
+
+@dataclasses.dataclass(frozen=True)
+class FitOptions:
+    """The command line of a fit; see its help."""
+
+    capture: Path
+    out: Path
+    preset: str
+    seed: int
+    assignments: tuple[str, ...]
+    warm_start: Path | None
+    overwrite: bool
+    quiet: bool
+    as_json: bool
+
+
+def _fit(options: FitOptions) -> None:
+    check_output_folder(options.out, options.overwrite, "twin.json")
     from frametwin.capture import read_capture
     from frametwin.fit.api import fit_capture, settings_of, write_run
 
-    changes = parse_changes(assignments, settings_of(preset, seed))
-    content = read_capture(capture)
-    with Display(quiet) as display:
-        result = fit_capture(content, preset, seed=seed, changes=changes, warm_start=warm_start, callback=display)
-        write_run(out, result, content, overwrite=overwrite)
-    data = summary(result.twin, content.frame)
-    if as_json:
-        print_json({"out": out, "preset": preset, "views": len(content.views), **data})
+    preset, seed = options.preset, options.seed
+    changes = parse_changes(options.assignments, settings_of(preset, seed))
+    capture = read_capture(options.capture)
+    with Display(options.quiet) as display:
+        result = fit_capture(
+            capture, preset, seed=seed, changes=changes, warm_start=options.warm_start, callback=display
+        )
+        write_run(options.out, result, capture, overwrite=options.overwrite)
+    data = summary(result.twin, capture.frame)
+    if options.as_json:
+        print_json({"out": options.out, "preset": preset, "views": len(capture.views), **data})
     else:
-        print_facts(f"run: {out}", summary_facts(data, len(content.views)))
+        print_facts(f"run: {options.out}", summary_facts(data, len(capture.views)))
 
 
 def summary(twin: Twin, frame: Wireframe) -> dict[str, Any]:

@@ -41,9 +41,7 @@ class Commands(click.Group):
 
     def main(self, *args: Any, **extra: Any) -> Any:
         """Run a command line and leave the process with its exit code; see `click.Command.main`."""
-        with interrupts.handled():
-            code = self._run(*args, **{"prog_name": "frametwin", **extra, "standalone_mode": False})
-        sys.exit(code)
+        sys.exit(self._run(*args, **{"prog_name": "frametwin", **extra, "standalone_mode": False}))
 
     def _run(self, *args: Any, **extra: Any) -> int:
         try:
@@ -105,4 +103,8 @@ def cli() -> None:
 
 def main() -> None:
     """Entry point of the command ``frametwin``."""
-    cli()
+    interrupts.install()
+    try:
+        cli()
+    finally:
+        interrupts.ignore()

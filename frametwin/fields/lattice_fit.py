@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from frametwin.fields.base import checked_points
 from frametwin.fields.lattice import Cells, LatticeField, axis_matrix
 
+if TYPE_CHECKING:
+    from scipy import sparse
+
 Floats = NDArray[np.float64]
 
 MOST_COEFFICIENTS = 8000
 """The normal equations are solved as a dense matrix; this many take half a gigabyte."""
 
 _RIDGE = 1e-11  # of the mean diagonal: levels overlap, so coefficients alone are not unique
+_DENSE = 16  # columns for each number in a row up to which dense products win
+_BLOCK = 4096  # rows made dense at once
 _SECOND = (
     ((2, 0, 0), 1.0),
     ((0, 2, 0), 1.0),
@@ -73,16 +79,31 @@ def fit_lattice(
     size = len(field.coefficients)
     if size > MOST_COEFFICIENTS:
         raise ValueError(f"{size} coefficients are more than {MOST_COEFFICIENTS}; use coarser levels")
-    basis = field.basis_matrix(where)
-    weighted = basis.multiply((share / share.sum())[:, None]).tocsr()
-    normal = (weighted.T @ basis).toarray()
+    root = np.sqrt(share / share.sum())[:, None]
+    basis = field.basis_matrix(where).multiply(root).tocsr()
+    normal = _gram(basis)
     length = float(np.ptp(field.box, axis=0).max())
     if bending > 0.0:
         normal += bending * length**4 * _energy(field, _SECOND)
     if stretch > 0.0:
         normal += stretch * length**2 * _energy(field, _FIRST)
     normal[np.diag_indices(size)] += _RIDGE * np.trace(normal) / size
-    return field.with_coefficients(linalg.cho_solve(linalg.cho_factor(normal), weighted.T @ targets))
+    return field.with_coefficients(linalg.cho_solve(linalg.cho_factor(normal), basis.T @ (root * targets)))
+
+
+def _gram(matrix: sparse.csr_matrix) -> Floats:
+    """(C, C) product of the transposed matrix with itself.
+
+    As long as the matrix is not much wider than its filled part, dense blocks are several times faster.
+    """
+    rows, columns = matrix.shape
+    if columns > _DENSE * matrix.nnz / max(rows, 1):
+        return (matrix.T @ matrix).toarray()
+    total = np.zeros((columns, columns))
+    for start in range(0, rows, _BLOCK):
+        block = matrix[start : start + _BLOCK].toarray()
+        total += block.T @ block
+    return total
 
 
 def _energy(field: LatticeField, terms: Sequence[tuple[tuple[int, int, int], float]]) -> Floats:

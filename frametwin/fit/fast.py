@@ -15,14 +15,15 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from frametwin.cameras import Camera
 from frametwin.fit import presence
 from frametwin.fit.confidence import confidence
 from frametwin.fit.elastic import ElasticFrame
-from frametwin.fit.fast_settings import FastSettings, Stage
+from frametwin.fit.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fit.loads import load_answers, rigid_motions, smooth_warps
-from frametwin.fit.motion import as_rods, free_step, smooth_descent, start_pose
+from frametwin.fit.motion import Pose, as_rods, free_step, smooth_descent, start_pose
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level, Pyramid
@@ -88,7 +89,9 @@ def fit_fast(
     Cancelled
         If the callback stops the fit.
     """
-    return _Run(frame, Pyramid(cameras, masks), settings or FastSettings(), callback).fit(start)
+    # Its matrices are small: threads of the linear algebra would only get in the way of the splatter's.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _Run(frame, Pyramid(cameras, masks), settings or FastSettings(), callback).fit(start)
 
 
 @dataclass(eq=False)
@@ -108,7 +111,12 @@ class _Run:
         self.density = self.pyramid.pixels_per_mm(self.frame.bounds.mean(axis=0))
         self.anchor = self.pose = start_pose(self.elastic)
         self.steps = 0
-        stages = (*self.settings.coarse, *self.settings.refine, *self.settings.recover, *self.settings.finish)
+        stages: tuple[CoarseStage | Stage, ...] = (
+            *self.settings.coarse,
+            *self.settings.refine,
+            *self.settings.recover,
+            *self.settings.finish,
+        )
         self.total = sum(stage.iterations for stage in stages)
         self._levels: dict[tuple[float, float], Level] = {}
 
@@ -134,7 +142,8 @@ class _Run:
         The better of the two stays.
         """
         rigid = rigid_motions(self.frame.vertices)
-        plan, found = self.pose, []
+        plan = self.pose
+        found: list[tuple[float, int, Pose, Pose]] = []
         for kind in (load_answers, smooth_warps):
             self.anchor = self.pose = plan
             motions = [rigid, kind(self.elastic, self.settings.cells)]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
 
 from frametwin.fit.elastic import INNER, ElasticFrame
+from frametwin.fit.fast_settings import CoarseStage
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, Terms
-
 
 GROUND = 300.0
 """Stiffness by which a grounded joint sticks to the plate, relative to the median strut's sideways one: enough to
@@ -58,7 +60,7 @@ def as_rods(elastic: ElasticFrame, pose: Pose, pieces: int) -> Rods:
     )
 
 
-def joint_system(elastic: ElasticFrame, terms: Terms) -> tuple:
+def joint_system(elastic: ElasticFrame, terms: Terms) -> tuple[sparse.csc_matrix, np.ndarray]:
     """Matrix (6V, 6V) and gradient (6V,) of the loss by the joints' freedoms, struts following."""
     follow = elastic.follow
     turned = follow.transpose(0, 2, 1)
@@ -105,7 +107,10 @@ def smooth_descent(
             return
 
 
-def _capped(motions, reduced, slope, bulk, damping, longest):
+def _capped(
+    motions: np.ndarray, reduced: np.ndarray, slope: np.ndarray, bulk: np.ndarray, damping: float, longest: float
+) -> tuple[np.ndarray, float]:
+    """The step (V, 6), with the damping raised until it is short enough."""
     while True:
         step = (motions @ np.linalg.solve(reduced + damping * bulk, -slope)).reshape(-1, 6)
         if np.percentile(np.linalg.norm(step[:, :3], axis=1), 98) <= longest or damping > 1e5:

@@ -75,9 +75,7 @@ def _read_json(path: Path) -> Wireframe:
     if isinstance(kind, str) and kind in _OWN_FILES:
         raise InputError.at(path, "format", _OWN_FILES[kind], "give the frame.json that lies beside it")
     if "frames" in data and "vertices" not in data:
-        raise InputError.at(
-            path, "file", "holds cameras, not a frame", "give the frame.json that lies beside it"
-        )
+        raise InputError.at(path, "file", "holds cameras, not a frame", "give the frame.json that lies beside it")
     if kind is None and not {"vertices", "edges"} & set(data):
         raise InputError.at(
             path,

@@ -140,16 +140,12 @@ def _node_index(nodes: list[dict[str, Any]], dialect: _Dialect, source: str) -> 
             problem = "is not a whole number" if given[i] else "is missing, while other nodes have it"
             raise InputError.at(source, field, problem, "give every node an id, or none")
         if key in index:
-            raise InputError.at(
-                source, field, f"{key} is taken by another node", "give every node its own id"
-            )
+            raise InputError.at(source, field, f"{key} is taken by another node", "give every node its own id")
         index[key] = i
     return index
 
 
-def _edges(
-    elements: list[dict[str, Any]], dialect: _Dialect, index: dict[int, int], source: str
-) -> np.ndarray:
+def _edges(elements: list[dict[str, Any]], dialect: _Dialect, index: dict[int, int], source: str) -> np.ndarray:
     edges = np.zeros((len(elements), 2), dtype=np.int64)
     for i, element in enumerate(elements):
         field = f"{dialect.elements}[{i}].{dialect.ends}"
@@ -158,9 +154,7 @@ def _edges(
             raise InputError.at(source, field, "is not a pair of node ids", "write [id, id]")
         unknown = [end for end in ends if end not in index]
         if unknown:
-            raise InputError.at(
-                source, field, f"names node {unknown[0]}, which does not exist", "correct the id"
-            )
+            raise InputError.at(source, field, f"names node {unknown[0]}, which does not exist", "correct the id")
         edges[i] = [index[end] for end in ends]
     return edges
 
@@ -175,9 +169,7 @@ def _optional(
     for i, value in enumerate(values):
         if not good(value):
             problem = f"is not {wanted}" if key in items[i] else "is missing, while others have it"
-            raise InputError.at(
-                source, f"{where}[{i}].{key}", problem, f"give {wanted} everywhere, or nowhere"
-            )
+            raise InputError.at(source, f"{where}[{i}].{key}", problem, f"give {wanted} everywhere, or nowhere")
     return values
 
 

@@ -33,9 +33,7 @@ def sibling(path: Path) -> Path:
     other = other.upper() if word.isupper() else other.capitalize() if word[0].isupper() else other
     result = path.with_name(other + path.name[4:])
     if not result.is_file():
-        raise InputError.at(
-            path, "file", f"its other half {result.name} is missing", "put it in the same folder"
-        )
+        raise InputError.at(path, "file", f"its other half {result.name} is missing", "put it in the same folder")
     return result
 
 
@@ -78,13 +76,9 @@ def _read_rows(path: Path, width: int, convert: type, what: str) -> list[list[fl
         try:
             row = [convert(word) for word in words]
         except ValueError as error:
-            raise InputError.at(
-                path, field, f"{line.strip()!r} is not {what} {width} times", "correct it"
-            ) from error
+            raise InputError.at(path, field, f"{line.strip()!r} is not {what} {width} times", "correct it") from error
         if not all(abs(value) < math.inf for value in row):
-            raise InputError.at(
-                path, field, "holds a number that is not finite", "replace it by a finite number"
-            )
+            raise InputError.at(path, field, "holds a number that is not finite", "replace it by a finite number")
         rows.append(row)
     if not rows:
         raise InputError.at(path, "file", "is empty", "give a file with a row for each node or edge")

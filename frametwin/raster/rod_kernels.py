@@ -39,23 +39,24 @@ _RANGE = 6.0
 _BINS = 1536
 _Z = np.linspace(-_RANGE, _RANGE, _BINS + 1)
 _CDF = np.array([0.5 * (1.0 + erf(z / sqrt(2.0))) for z in _Z])
+_CORE = 0.5 * (1.0 + erf(REACH / sqrt(2.0)))  # of the coverage, where it is flat
 _PDF = np.array([exp(-z * z / 2.0) / sqrt(2.0 * pi) for z in _Z])
 
 
 @nb.njit(inline="always")
-def _look(table, z):
-    x = (z + _RANGE) * (_BINS / (2.0 * _RANGE))
-    if x <= 0.0:
-        return table[0]
-    if x >= _BINS:
-        return table[_BINS]
+def _normal(z):
+    """Distribution function and density of the normal distribution, by linear interpolation in a table."""
+    x = min(max((z + _RANGE) * (_BINS / (2.0 * _RANGE)), 0.0), _BINS - 1e-6)
     i = int(x)
-    return table[i] + (x - i) * (table[i + 1] - table[i])
+    t = x - i
+    return _CDF[i] + t * (_CDF[i + 1] - _CDF[i]), _PDF[i] + t * (_PDF[i + 1] - _PDF[i])
 
 
 @nb.njit(inline="always")
 def _coverage(d, r, s):
-    return _look(_CDF, (r - d) / s) - _look(_CDF, (-r - d) / s)
+    if d < r - REACH * s:
+        return _CORE
+    return _normal((r - d) / s)[0] - _normal((-r - d) / s)[0]
 
 
 @nb.njit(cache=True, fastmath=True)
@@ -340,12 +341,12 @@ def _gather_edge(
             if d < core:
                 continue
             through = transmittance[at + i]
-            za, zb = (r - d) / spread, (r + d) / spread
-            c = min(alpha * (_look(_CDF, za) - _look(_CDF, -zb)), OPAQUE)
+            inside, near = _normal((r - d) / spread)
+            beyond, far = _normal((-r - d) / spread)
+            c = min(alpha * (inside - beyond), OPAQUE)
             others = min(through / (1.0 - c), 1.0)
             if others < HIDDEN:
                 continue
-            near, far = _look(_PDF, za), _look(_PDF, zb)
             slope = others * alpha / spread
             by_place = slope * (far - near)
             if signed < 0.0:
@@ -500,12 +501,13 @@ def gather_joints(joints, joint_radius, cameras, shapes, offsets, spread, transm
                     if d > reach or d < 1e-9:
                         continue
                     through = transmittance[at + i]
-                    za, zb = (r - d) / spread, (r + d) / spread
-                    c = min(_look(_CDF, za) - _look(_CDF, -zb), OPAQUE)
+                    inside, near = _normal((r - d) / spread)
+                    beyond, far = _normal((-r - d) / spread)
+                    c = min(inside - beyond, OPAQUE) if d >= r - REACH * spread else _CORE
                     others = min(through / (1.0 - c), 1.0)
                     if others < HIDDEN:
                         continue
-                    by_place = others * (_look(_PDF, zb) - _look(_PDF, za)) / spread
+                    by_place = others * (far - near) / spread
                     ux, uy = -ex / d * by_place, -ey / d * by_place
                     hxx += ux * ux
                     hxy += ux * uy

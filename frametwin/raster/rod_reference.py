@@ -13,6 +13,7 @@ FrameTwin paper, sections V.A and V.D.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import erf, sqrt
 
 import torch
 from torch import Tensor
@@ -46,10 +47,15 @@ class View:
 
 
 def coverage(distance: Tensor, radius: Tensor, spread: float) -> Tensor:
-    """Share of a pixel at a distance from the centreline that a blurred rod covers, 0 beyond its reach."""
+    """Share of a pixel at a distance from the centreline that a blurred rod covers.
+
+    It is 0 where the pixel is more than `REACH` spreads outside of the rod's edge, and flat where it is as far inside.
+    """
     upper, lower = (radius - distance) / spread, (-radius - distance) / spread
     value = torch.special.ndtr(upper) - torch.special.ndtr(lower)
-    return torch.where(distance <= radius + REACH * spread, value, torch.zeros_like(value))
+    value = torch.where(distance <= radius + REACH * spread, value, torch.zeros_like(value))
+    flat = torch.full_like(value, 0.5 * (1.0 + erf(REACH / sqrt(2.0))))
+    return torch.where(distance < radius - REACH * spread, flat, value)
 
 
 def half_width(a: Tensor, b: Tensor, view: View) -> Tensor:

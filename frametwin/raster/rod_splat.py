@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, floor, sqrt
+from math import ceil, erf, exp, floor, pi, sqrt
 from typing import Any
 
 import numba as nb
@@ -12,47 +12,59 @@ from torch import Tensor
 
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
-from frametwin.raster.rod_kernels import _CDF, _PDF, HIDDEN, OPAQUE, REACH, _joint, _look
+from frametwin.raster.rod_kernels import HIDDEN, OPAQUE, REACH
 from frametwin.raster.rods import Rods
 
+MIN_DEPTH = 1e-6
+"""Joints nearer to a camera than this, or behind it, are not drawn, mm."""
 
-@nb.njit(parallel=True, cache=True, fastmath=True)
-def _disc_slopes(joints, joint_radius, cameras, shapes, offsets, spread, transmittance, slope, by_radius, by_place):
+
+@nb.njit(parallel=True, cache=True)
+def _disc_slopes(joints, joint_radius, cameras, shapes, offsets, spread, limits, through, slope, by_radius, by_place):
     """Derivatives of a loss by the discs' radius (V,), and by the joints (V, 3) as far as depth sets the size.
 
-    ``slope`` (pixels,) is the loss's derivative by the picture. `rod_kernels.gather_joints` has the motion of the
-    discs; that their size follows the depth and the struts is left out there, as it hardly tells a joint's place.
+    ``slope`` (pixels,) is the loss's derivative by the picture, ``limits`` are REACH, OPAQUE and HIDDEN.
+    `rod_kernels.gather_joints` has the motion of the discs; that their size follows the depth and the struts is left
+    out there, as it hardly tells a joint's place.
     """
+    most, opaque, hidden = limits
     for k in nb.prange(joints.shape[0]):
         by_radius[k] = 0.0
         for e in range(3):
             by_place[k, e] = 0.0
         if joint_radius[k] <= 0.0:
             continue
+        place = np.empty(3)
         for v in range(cameras.shape[0]):
             camera = cameras[v]
             height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
-            x, y, z = _joint(joints[k], camera)
-            if z < 0.0:
+            for e in range(3):
+                place[e] = camera[9 + e]
+                for f in range(3):
+                    place[e] += camera[3 * e + f] * joints[k, f]
+            if place[2] < MIN_DEPTH:
                 continue
-            unit = 0.5 * (camera[12] + camera[13]) / z
+            x = camera[12] * place[0] / place[2] + camera[14]
+            y = camera[13] * place[1] / place[2] + camera[15]
+            unit = 0.5 * (camera[12] + camera[13]) / place[2]
             r = unit * joint_radius[k]
-            reach = r + REACH * spread
+            core, reach = r - most * spread, r + most * spread
             total = 0.0
             for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
                 at = start + j * width
                 for i in range(max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1):
                     d = sqrt((i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2)
-                    if d > reach:
+                    if d < core or d > reach:
                         continue
                     za, zb = (r - d) / spread, (r + d) / spread
-                    c = min(_look(_CDF, za) - _look(_CDF, -zb), OPAQUE)
-                    others = min(transmittance[at + i] / (1.0 - c), 1.0)
-                    if others >= HIDDEN:
-                        total += slope[at + i] * others * (_look(_PDF, za) + _look(_PDF, zb)) / spread
-            by_radius[k] += total * unit
+                    c = 0.5 * (erf(za / sqrt(2.0)) + erf(zb / sqrt(2.0)))
+                    others = min(through[at + i] / (1.0 - min(c, opaque)), 1.0)
+                    if others >= hidden:
+                        total += slope[at + i] * others * (exp(-0.5 * za * za) + exp(-0.5 * zb * zb))
+            total *= unit / (spread * sqrt(2.0 * pi))
+            by_radius[k] += total
             for e in range(3):
-                by_place[k, e] -= total * r / z * camera[6 + e]
+                by_place[k, e] -= total * joint_radius[k] / place[2] * camera[6 + e]
 
 
 def _disc_gradients(drawn: Rods, level: Level, through: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -60,7 +72,7 @@ def _disc_gradients(drawn: Rods, level: Level, through: np.ndarray, slope: np.nd
     joints, size = np.ascontiguousarray(drawn.joints, dtype=np.float64), drawn.joint_radius()
     by_radius, by_place = np.empty(len(joints)), np.empty((len(joints), 3))
     view = (level.cameras, level.shapes, level.offsets, level.spread)
-    _disc_slopes(joints, size, *view, through, slope, by_radius, by_place)
+    _disc_slopes(joints, size, *view, (REACH, OPAQUE, HIDDEN), through, slope, by_radius, by_place)
     widest = np.where(drawn.opacity > 0.5, drawn.radius, 0.0)
     by_piece = np.zeros(drawn.radius.shape)
     sharing = np.zeros(len(joints))  # struts of equal radius share the disc's derivative
