@@ -44,11 +44,11 @@ def image_loss(images: Sequence[Tensor], targets: Sequence[Tensor]) -> Tensor:
 class BendingLoss:
     """Monte Carlo estimate of the bending term (paper, Eq. 10-12),
 
-        integral over the box of gamma(x) |Laplacian d(x)|^2 dx,   gamma(x) = (distance to the printed
-        struts)^p,
+        integral over the box of gamma(x) |Laplacian d(x)|^2 dx
 
-    in mm^(p + 1). Gamma lets the field bend freely beside printed struts, which the pictures show, and keeps
-    it smooth away from them. Each call draws new points, uniform in the box, from a generator of its own.
+    in mm^(p + 1), where gamma(x) is the distance to the printed struts to the power p. Gamma lets the field bend freely
+    beside printed struts, which the pictures show, and keeps it smooth away from them. Each call draws new points,
+    uniform in the box, from a generator of its own.
 
     Parameters
     ----------

@@ -1,5 +1,4 @@
-"""From kernels in space to kernels in pictures: elliptical weighted averaging (EWA) and the pixel's own
-low-pass.
+"""From kernels in space to kernels in pictures: elliptical weighted averaging (EWA) and the pixels' low-pass.
 
 A Gaussian is projected by the perspective's first-order expansion at its mean, with the Jacobian
 

@@ -189,3 +189,23 @@ def test_two_views_are_trusted_less_than_eight() -> None:
     many = fit_views(frame, simulation.cameras, masks_of(simulation)).twin.confidence
     assert few.mean() < many.mean()
     assert (few < many).mean() > 0.9
+
+
+@pytest.mark.parametrize("thicker", [0.8, 1.2])
+def test_struts_of_another_thickness_than_planned_are_measured(thicker: float) -> None:
+    simulation = simulate(thin(named_frame("bridge")), SimulationSettings(size=HALF, seed=6))
+    truth = simulation.truth.replace(radius=thicker * simulation.truth.radius)
+    masks = [picture / np.float32(255) for picture in silhouettes(truth, simulation.cameras)]
+    twin = fit_views(simulation.frame, simulation.cameras, masks).twin
+    np.testing.assert_allclose(twin.thickness / truth.radius[:, None], 1.0, atol=0.03)
+    assert evaluate(twin.control_points, twin.vertices, truth).curves.mean <= 0.06
+
+
+def test_specks_in_the_pictures_do_no_harm() -> None:
+    simulation = simulate(thin(named_frame("half_bowl")), SimulationSettings(size=HALF, seed=6))
+    rng = np.random.default_rng(0)
+    masks = [np.where(rng.random(mask.shape) < 0.01, 1.0 - mask, mask) for mask in masks_of(simulation)]
+    result = fit_views(simulation.frame, simulation.cameras, masks)
+    twin = result.twin
+    assert evaluate(twin.control_points, twin.vertices, simulation.truth).curves.mean <= 0.06
+    assert len(missing_struts(twin, simulation.frame.printed)) == 0

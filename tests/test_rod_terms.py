@@ -147,12 +147,17 @@ def test_the_weight_of_evidence_is_the_area_in_plain_view() -> None:
         np.concatenate([near.opacity, far.opacity]),
     )
     level = level_of(cameras, 0.5)
-    through = rods.transmittance(both, level)
-    weight = rods.opacity_terms(both, level, through, np.zeros_like(through))[..., 0].sum(axis=1)
-    assert weight[1] < 1e-4 * weight[0]  # wholly before or behind the other
-    scale = 2000.0 / 397.0
-    rim = 0.57 * 2.0 * np.sqrt(2.0) * level.spread * 10.0 * scale  # the square of a soft edge holds less than its area
-    assert weight[0] == pytest.approx(10.0 * 2.0 * scale**2, abs=rim)
+
+    def weight(drawn: Rods) -> np.ndarray:
+        through = rods.transmittance(drawn, level)
+        return rods.opacity_terms(drawn, level, through, np.zeros_like(through))[..., 0].sum(axis=1)
+
+    scale = 2000.0 / 397.0  # pixels a millimetre
+    soft = 0.564 * level.spread * 10.0 * scale  # what the square of a blurred edge holds less than its area
+    assert weight(near)[0] == pytest.approx(10.0 * 2.0 * scale**2 - 2.0 * soft, rel=0.01)
+    assert weight(both)[1] < 1e-4 * weight(far)[0]  # wholly behind the other
+    seen_beside = 10.0 * (2.0 - 1.0) * scale**2
+    assert weight(both)[0] == pytest.approx(seen_beside - 4.0 * soft, abs=4.0 * soft)
 
 
 def test_levels_are_reduced_and_blurred() -> None:

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from frametwin import bezier
 from frametwin.cameras import Camera
 from frametwin.errors import Cancelled, InputError
+from frametwin.fields.network import NetworkField
 from frametwin.fit.sampling import CurveSampling
 from frametwin.fit.settings import FIELD_KINDS, PRESETS, FitSettings, preset
 from frametwin.fit.splat_fit import SplatFit, fit_splats
@@ -227,6 +228,11 @@ class TestRefusals:
         with pytest.raises(InputError, match="distortion: is not zero"):
             self.fit(scene, [bad, *scene[2][1:]], scene[3])
 
+    def test_a_fit_that_diverges(self, scene: tuple, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(NetworkField, "forward", lambda self, points: points * float("nan"))
+        with pytest.raises(InputError, match="learning_rate: the fit has diverged after 0 steps"):
+            self.fit(scene, scene[2], scene[3])
+
 
 class TestSettings:
     def test_the_default_is_the_paper(self) -> None:
@@ -265,6 +271,7 @@ class TestSettings:
             ("decay", "sudden"),
             ("learn_opacity", 1),
             ("lattice_cells", ()),
+            ("lattice_cells", 6),
             ("lattice_cells", (1, 0)),
             ("node_neighbours", 0),
             ("colour", "red"),

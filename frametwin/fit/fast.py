@@ -111,12 +111,8 @@ class _Run:
         self.density = self.pyramid.pixels_per_mm(self.frame.bounds.mean(axis=0))
         self.anchor = self.pose = start_pose(self.elastic)
         self.steps = 0
-        stages: tuple[CoarseStage | Stage, ...] = (
-            *self.settings.coarse,
-            *self.settings.refine,
-            *self.settings.recover,
-            *self.settings.finish,
-        )
+        chosen = self.settings
+        stages: tuple[CoarseStage | Stage, ...] = (*chosen.coarse, *chosen.refine, *chosen.recover, *chosen.finish)
         self.total = sum(stage.iterations for stage in stages)
         self._levels: dict[tuple[float, float], Level] = {}
 
@@ -224,9 +220,8 @@ class _Run:
 
     def _astray(self, stage: Stage) -> np.ndarray:
         level, _ = self._level(stage.detail, stage.blur)
-        return (
-            presence.strut_whiteness(as_rods(self.elastic, self.pose, stage.pieces), level) < self.settings.suspicious
-        )
+        drawn = as_rods(self.elastic, self.pose, stage.pieces)
+        return presence.strut_whiteness(drawn, level) < self.settings.suspicious
 
     def _result(self, stage: Stage, terms: Terms) -> FastFit:
         count, kernels = len(self.frame.edges), self.settings.kernels_per_strut

@@ -86,8 +86,9 @@ class FitSettings:
         for name, choices in (("field", FIELD_KINDS), ("decay", DECAYS)):
             if getattr(self, name) not in choices:
                 raise _wrong(name, f"is {getattr(self, name)!r}", f"give one of {', '.join(choices)}")
-        if not self.lattice_cells:
-            raise _wrong("lattice_cells", "is empty", "give the cells of one level or more, such as 1 3 6")
+        if not isinstance(self.lattice_cells, tuple | list) or not self.lattice_cells:
+            problem = f"is {self.lattice_cells!r}"
+            raise _wrong("lattice_cells", problem, "give the cells of one level or more, such as 1, 3, 6")
         for cells in self.lattice_cells:
             _check_whole("lattice_cells", cells, 1, 64)
         if self.learning_rate_end > self.learning_rate:

@@ -100,7 +100,7 @@ def fit_splats(
     Raises
     ------
     InputError
-        If pictures and cameras do not belong together.
+        If pictures and cameras do not belong together, or the learning rate is so high that the fit diverges.
     Cancelled
         If the callback stops the fit.
     """
@@ -152,6 +152,9 @@ class _Fit:
             optimiser.param_groups[0]["lr"] = _rate(settings, iteration)
             optimiser.zero_grad()
             curves = self._curves()
+            if not bool(torch.isfinite(curves).all()):  # such kernels would count as out of sight
+                problem = f"the fit has diverged after {iteration} steps"
+                raise InputError.at("settings", "learning_rate", problem, "give a lower rate")
             loss = self._loss(curves)
             loss.backward()
             optimiser.step()
