@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from frametwin.errors import InputError
+from frametwin.fields.lattice_fit import MOST_COEFFICIENTS
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,16 @@ class FastSettings:
         for name in ("learn_thickness", "learn_opacity"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError.at("settings", name, f"is {getattr(self, name)!r}", "give true or false")
+        self._check_field_cells()
+
+    def _check_field_cells(self) -> None:
+        """A field that could not be fitted shall not be found out after the fit."""
+        cells = tuple(self.field_cells)
+        whole = all(isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 16 for count in cells)
+        if not cells or not whole or sum((count + 3) ** 3 for count in cells) > MOST_COEFFICIENTS:
+            remedy = "give the cells of one level or more, from 1 to 16, such as 2 5, with one above 12 at most"
+            raise InputError.at("settings", "field_cells", f"is {self.field_cells!r}", remedy)
+        object.__setattr__(self, "field_cells", cells)
 
     def replace(self, **changes: Any) -> FastSettings:
         """A copy with other values in some settings, checked anew.

@@ -14,6 +14,9 @@ I = 1 - T with the transmittance T = prod(1 - alpha c), in any order.
 Geometry is in float64, pictures are float32. All views lie in one flat buffer: view v has its rows at
 ``offset[v] + row * width``. Cameras are rows of :func:`frametwin.cameras.packed`. Everything is deterministic:
 threads share views when they write pictures and struts when they gather.
+
+All of it is in one file on purpose: compiled code is cached by file, and a helper in another one could change without the
+loops that hold a copy of it being compiled anew.
 """
 
 from __future__ import annotations
@@ -491,19 +494,19 @@ def gather_joints(joints, joint_radius, cameras, shapes, offsets, spread, transm
             _pull(row, 1.0, 0.0, camera, mx)
             _pull(row, 0.0, 1.0, camera, my)
             r = 0.5 * (camera[12] + camera[13]) * joint_radius[k] / z
-            reach = r + REACH * spread
+            reach, core = r + REACH * spread, r - REACH * spread
             hxx, hxy, hyy, gx, gy = 0.0, 0.0, 0.0, 0.0, 0.0
             for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
                 at = start + j * width
                 for i in range(max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1):
                     ex, ey = i + 0.5 - x, j + 0.5 - y
                     d = sqrt(ex * ex + ey * ey)
-                    if d > reach or d < 1e-9:
+                    if d > reach or d < core or d < 1e-9:
                         continue
                     through = transmittance[at + i]
                     inside, near = _normal((r - d) / spread)
                     beyond, far = _normal((-r - d) / spread)
-                    c = min(inside - beyond, OPAQUE) if d >= r - REACH * spread else _CORE
+                    c = min(inside - beyond, OPAQUE)
                     others = min(through / (1.0 - c), 1.0)
                     if others < HIDDEN:
                         continue

@@ -67,8 +67,9 @@ def _fill(starts, ends, radius, camera, picture):
             x1 = max((a[0] + r) / a[2], (b[0] + r) / b[2])
             y0 = min((a[1] - r) / a[2], (b[1] - r) / b[2])
             y1 = max((a[1] + r) / a[2], (b[1] + r) / b[2])
-            # A sphere's outline reaches a little further than its centre plus r / z; a tenth of r is plenty.
-            spare = 0.1 * r / min(a[2], b[2]) * (1.0 + max(max(abs(x0), abs(x1)), max(abs(y0), abs(y1))) ** 2) * 5.0
+            # A sphere's outline reaches further than its centre plus r / z, the more so the further off the axis.
+            aside = max(max(abs(x0), abs(x1)), max(abs(y0), abs(y1)))
+            spare = 0.5 * r / min(a[2], b[2]) * (1.0 + aside**2)
             left = max(0, int(floor((x0 - spare) * camera[12] + camera[14] - 0.5)))
             right = min(width - 1, int(ceil((x1 + spare) * camera[12] + camera[14] - 0.5)))
             top = max(first, int(floor((y0 - spare) * camera[13] + camera[15] - 0.5)))

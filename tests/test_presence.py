@@ -1,0 +1,173 @@
+"""What is really there, how thick it is, and how well the views tell where."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import tower
+from rod_cases import camera_at, level_of, of_frame
+
+from frametwin.cameras import Camera
+from frametwin.fit.confidence import confidence, standard_deviation
+from frametwin.fit.elastic import ElasticFrame
+from frametwin.fit.motion import as_rods, start_pose
+from frametwin.fit.presence import THICKEST, THINNEST, learn_thickness, seen_opacity, strut_whiteness
+from frametwin.raster.pyramid import Level, Pyramid
+from frametwin.raster.rods import gauss_newton
+from frametwin.raster.silhouette import silhouettes
+from frametwin.rigs import ring_rig
+from frametwin.wireframe import Wireframe
+
+FRAME = tower()
+CAMERAS = ring_rig(FRAME, 6, size=(240, 320))
+PIECES = 20
+
+
+def seen(frame: Wireframe, present: np.ndarray | None = None, cameras: tuple[Camera, ...] = CAMERAS) -> Level:
+    masks = [p / np.float32(255) for p in silhouettes(frame, cameras, present=present, supersampling=2)]
+    return Pyramid(cameras, masks).level(1.0, 0.7)
+
+
+def interval(strut: int, start: float, end: float) -> np.ndarray:
+    present = np.tile([0.0, 1.0], (FRAME.strut_count, 1))
+    present[strut] = [start, end]
+    return present
+
+
+@pytest.mark.parametrize("strut", [2, 13, 16])
+def test_a_half_erased_strut_is_half_there(strut: int) -> None:
+    drawn = of_frame(FRAME, PIECES)
+    opacity, weight = seen_opacity(drawn, seen(FRAME, interval(strut, 0.0, 0.5)))
+    assert opacity.shape == weight.shape == (FRAME.strut_count, PIECES)
+    assert opacity[strut, 2:9].min() > 0.8
+    assert opacity[strut, 12:18].max() < 0.2  # the end is rounded, and the joint's disc hides the last piece
+    assert opacity[strut].mean() == pytest.approx(0.5, abs=0.1)
+    others = np.delete(opacity.mean(axis=1), strut)
+    assert others.min() > 0.85
+
+
+def test_white_is_what_is_there() -> None:
+    drawn = of_frame(FRAME, 6)
+    whole = strut_whiteness(drawn, seen(FRAME))
+    assert whole.min() > 0.9
+    missing = strut_whiteness(drawn, seen(FRAME, interval(16, 0.0, 0.0)))
+    assert missing[16] < 0.1
+    assert np.delete(missing, 16).min() > 0.85
+    half = strut_whiteness(drawn, seen(FRAME, interval(16, 0.0, 0.5)))
+    assert half[16] == pytest.approx(0.5, abs=0.1)
+
+
+def test_what_no_view_shows_is_believed() -> None:
+    nowhere = Wireframe.create([[500.0, 0.0, 0.0], [500.0, 20.0, 0.0]], [[0, 1]], radius=1.0)
+    level = level_of([camera_at([0.0, -100.0, 0.0], (40, 60), 100.0)])
+    opacity, weight = seen_opacity(of_frame(nowhere, 5), level)
+    assert not weight.any()
+    assert (opacity == 1.0).all()
+    assert strut_whiteness(of_frame(nowhere, 5), level) == [1.0]
+
+
+def test_an_unseen_piece_takes_the_judgement_of_its_strut() -> None:
+    """Three quarters of the strut are outside of the picture, which is black."""
+    long = Wireframe.create([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0]], [[0, 1]], radius=1.0)
+    camera = camera_at([0.0, -100.0, 0.0], (40, 200), 100.0)
+    black = level_of([camera])
+    opacity, weight = seen_opacity(of_frame(long, 8), black)
+    assert (weight[0, 3:] == 0.0).all()
+    assert opacity.max() < 0.05
+    white = replace(black, target=np.ones_like(black.target))
+    assert seen_opacity(of_frame(long, 8), white)[0].min() > 0.95
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_a_common_factor_of_the_radius_is_found(factor: float) -> None:
+    elastic, pose = ElasticFrame(FRAME), start_pose(ElasticFrame(FRAME))
+    level = seen(FRAME.replace(radius=factor * FRAME.radius))
+    for _ in range(6):
+        terms = gauss_newton(as_rods(elastic, pose, 6), level)
+        pose = learn_thickness(pose, FRAME.radius, terms.widths)
+    np.testing.assert_allclose(pose.radius, factor * FRAME.radius, rtol=0.02)
+
+
+def test_a_strut_of_another_radius_is_told_from_the_rest() -> None:
+    elastic, pose = ElasticFrame(FRAME), start_pose(ElasticFrame(FRAME))
+    radius = FRAME.radius.copy()
+    radius[16] *= 1.4
+    level = seen(FRAME.replace(radius=radius))
+    for _ in range(8):
+        terms = gauss_newton(as_rods(elastic, pose, 6), level)
+        pose = learn_thickness(pose, FRAME.radius, terms.widths)
+    assert 1.25 < pose.radius[16] / FRAME.radius[16] < 1.45
+    np.testing.assert_allclose(np.delete(pose.radius / FRAME.radius, 16), 1.0, atol=0.04)
+
+
+def test_a_missing_strut_does_not_thin_the_others() -> None:
+    elastic, pose = ElasticFrame(FRAME), start_pose(ElasticFrame(FRAME))
+    level = seen(FRAME, interval(16, 0.0, 0.0))
+    for _ in range(6):
+        terms = gauss_newton(as_rods(elastic, pose, 6), level)
+        pose = learn_thickness(pose, FRAME.radius, terms.widths)
+    others = np.delete(pose.radius / FRAME.radius, 16)
+    assert np.median(others) == pytest.approx(1.0, abs=0.01)
+    assert np.abs(others - 1.0).max() < 0.05
+
+
+def test_radii_stay_between_their_limits_and_without_evidence_as_they_are() -> None:
+    pose = start_pose(ElasticFrame(FRAME))
+    widths = np.zeros((FRAME.strut_count, 3, 2))
+    np.testing.assert_array_equal(learn_thickness(pose, FRAME.radius, widths).radius, pose.radius)
+    widths[..., 0], widths[..., 1] = 1.0, 50.0
+    np.testing.assert_allclose(learn_thickness(pose, FRAME.radius, widths).radius, THINNEST * FRAME.radius)
+    widths[..., 1] = -50.0
+    np.testing.assert_allclose(learn_thickness(pose, FRAME.radius, widths).radius, THICKEST * FRAME.radius)
+
+
+def certainty(frame: Wireframe, cameras: list[Camera]) -> np.ndarray:
+    return confidence(ElasticFrame(frame), gauss_newton(of_frame(frame, 6), level_of(cameras)))
+
+
+def around(degrees: list[float], distance: float = 150.0, focal: float = 600.0) -> list[Camera]:
+    """Cameras about the x axis, by the angle from the y axis."""
+    turn = np.radians(degrees)
+    return [
+        camera_at([5.0, -distance * c, distance * s], (240, 320), focal)
+        for c, s in zip(np.cos(turn), np.sin(turn), strict=True)
+    ]
+
+
+def test_hidden_struts_are_less_certain() -> None:
+    """Two thin struts; one lies between four thick ones, which hide it from all views but the slanting one."""
+    lines = [(0.0, 0.0, 0.4), (12.0, 12.0, 0.4), (6.0, 0.0, 3.0), (-6.0, 0.0, 3.0), (0.0, 6.0, 3.0), (0.0, -6.0, 3.0)]
+    vertices = [[x, y, z] for y, z, _ in lines for x in (-10.0, 10.0)]
+    frame = Wireframe.create(vertices, [[2 * k, 2 * k + 1] for k in range(6)], radius=[r for *_, r in lines])
+    found = certainty(frame, around([0.0, 90.0, 180.0, 270.0, 45.0]))
+    assert found[1] > 2.0 * found[0]
+    assert ((found >= 0.0) & (found <= 1.0)).all()
+
+
+def test_motion_along_the_line_of_sight_is_uncertain() -> None:
+    frame = Wireframe.create([[-10.0, 0.0, -3.0], [10.0, 0.0, 4.0]], [[0, 1]], radius=0.5)
+    parallel, askew = certainty(frame, around([0.0, 2.0]))[0], certainty(frame, around([0.0, 90.0]))[0]
+    assert certainty(frame, around([0.0]))[0] < 0.01
+    assert parallel < 0.25 * askew
+    assert askew > 0.5
+
+
+def test_every_view_adds_to_the_confidence() -> None:
+    found = np.array([certainty(FRAME, list(CAMERAS[: k + 1])) for k in range(6)])
+    assert (np.diff(found, axis=0) >= -1e-9).all()
+    assert found[0].max() < 0.05
+    assert found[-1].min() > 0.3
+
+
+def test_larger_pictures_tell_more() -> None:
+    """Twice the pixels a millimetre: twice as steep edges and, at equal blur, twice as many pixels along them."""
+    frame = Wireframe.create([[-10.0, 0.0, -3.0], [10.0, 0.0, 4.0]], [[0, 1]], radius=1.5)
+    elastic = ElasticFrame(frame)
+    small = around([0.0, 90.0])
+    large = [camera.resized(2 * camera.width, 2 * camera.height) for camera in small]
+    deviation = [
+        standard_deviation(elastic, gauss_newton(of_frame(frame, 6), level_of(c, 1.0)))[0] for c in (small, large)
+    ]
+    assert deviation[1] == pytest.approx(deviation[0] * 2.0**-1.5, rel=0.05)
