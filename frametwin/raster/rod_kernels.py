@@ -15,8 +15,8 @@ Geometry is in float64, pictures are float32. All views lie in one flat buffer: 
 ``offset[v] + row * width``. Cameras are rows of :func:`frametwin.cameras.packed`. Everything is deterministic:
 threads share views when they write pictures and struts when they gather.
 
-All of it is in one file on purpose: compiled code is cached by file, and a helper in another one could change without the
-loops that hold a copy of it being compiled anew.
+All of it is in one file on purpose: compiled code is cached by file, and a helper in another one could change without
+the loops that hold a copy of it being compiled anew.
 """
 
 from __future__ import annotations
