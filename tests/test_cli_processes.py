@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -40,7 +41,11 @@ def test_a_real_process_and_its_exit_codes(tmp_path: Path) -> None:
 
 
 def interrupt_when(arguments: list[str], ready: Callable[[str], bool], number: int) -> tuple[int, list[str], str]:
-    """Start a command, send it a signal once a line of its progress says that it is ready."""
+    """Start a command, send it a signal once a line of its progress says that it is ready.
+
+    Tests may run in the background, where children inherit that SIGINT is ignored: here it is heard. A command that
+    does not end is killed, so that the test fails and does not hang.
+    """
     child = subprocess.Popen(
         [sys.executable, "-m", "frametwin", *arguments],
         cwd=ROOT,
@@ -48,8 +53,11 @@ def interrupt_when(arguments: list[str], ready: Callable[[str], bool], number: i
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert child.stdout is not None and child.stderr is not None
+    end = threading.Timer(120.0, child.kill)
+    end.start()
     lines = []
     for line in child.stderr:
         lines.append(line)
@@ -60,6 +68,7 @@ def interrupt_when(arguments: list[str], ready: Callable[[str], bool], number: i
             break
     lines += child.stderr.readlines()
     out = child.stdout.read()
+    end.cancel()
     return child.wait(timeout=60), lines, out
 
 
