@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 from frametwin.errors import InputError
 from frametwin.fields.lattice_fit import MOST_COEFFICIENTS
+from frametwin.fit.changes import Changeable
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class FastSettings:
+class FastSettings(Changeable):
     """Schedule of the ``fast`` preset. It draws nothing at random, so the seed changes nothing.
 
     Attributes
@@ -125,23 +124,9 @@ class FastSettings:
 
     def _check_field_cells(self) -> None:
         """A field that could not be fitted shall not be found out after the fit."""
-        cells = tuple(self.field_cells)
+        cells = tuple(self.field_cells) if isinstance(self.field_cells, list | tuple) else ()
         whole = all(isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 16 for count in cells)
         if not cells or not whole or sum((count + 3) ** 3 for count in cells) > MOST_COEFFICIENTS:
             remedy = "give the cells of one level or more, from 1 to 16, such as 2 5, with one above 12 at most"
             raise InputError.at("settings", "field_cells", f"is {self.field_cells!r}", remedy)
         object.__setattr__(self, "field_cells", cells)
-
-    def replace(self, **changes: Any) -> FastSettings:
-        """A copy with other values in some settings, checked anew.
-
-        Raises
-        ------
-        InputError
-            If a setting is unknown or out of its range.
-        """
-        known = [f.name for f in dataclasses.fields(self)]
-        for name in changes:
-            if name not in known:
-                raise InputError.at("settings", name, "is not a setting", f"use one of {', '.join(known)}")
-        return dataclasses.replace(self, **changes)

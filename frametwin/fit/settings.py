@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any
 
 from frametwin.errors import InputError
+from frametwin.fit.changes import Changeable
 
 FIELD_KINDS = ("network", "lattice", "free", "nodes")
 DECAYS = ("cosine", "geometric")
 
 
 @dataclass(frozen=True)
-class FitSettings:
+class FitSettings(Changeable):
     """Settings of a fit by splatting; the defaults are the paper's (sections V.C and V.D).
 
     Learning rates and displacements are in units of half the longest side of the computational domain, as the
@@ -94,20 +94,6 @@ class FitSettings:
         if self.learning_rate_end > self.learning_rate:
             raise _wrong("learning_rate_end", "is above learning_rate", "give a rate that falls")
         object.__setattr__(self, "lattice_cells", tuple(self.lattice_cells))
-
-    def replace(self, **changes: Any) -> FitSettings:
-        """A copy with other values in some settings, checked anew.
-
-        Raises
-        ------
-        InputError
-            If a setting is unknown or out of its range.
-        """
-        known = [f.name for f in dataclasses.fields(self)]
-        for name in changes:
-            if name not in known:
-                raise _wrong(name, "is not a setting", f"use one of {', '.join(known)}")
-        return dataclasses.replace(self, **changes)
 
 
 PRESETS: dict[str, dict[str, Any]] = {
