@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -111,20 +111,27 @@ def _inside(root: Path, name: str, file: Path, field: str) -> Path:
     return path
 
 
+def read_cameras(path: PathLike) -> tuple[Camera, ...]:
+    """Read the cameras of a ``transforms.json`` without its pictures, which need not exist.
+
+    Returns
+    -------
+    At least two cameras, each under the name of its picture without folder and suffix.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or holds fewer than two views.
+    """
+    file = Path(path)
+    entries, shared = _entries(read_json(file), file)
+    stems = [PurePosixPath(str(entry.get("file_path", f"view_{i:02d}"))).stem for i, entry in enumerate(entries)]
+    return tuple(_read_camera(entry, shared, stems[i], file, i) for i, entry in enumerate(entries))
+
+
 def _read_views(root: Path, data: dict[str, Any], path: Path) -> list[View]:
-    """Read the views of ``transforms.json``; files of nerfstudio itself carry neither format nor version."""
-    if "format" in data or "version" in data:
-        check_format({"format": FORMAT, **data}, path, FORMAT, VERSION)
-    entries = data.get("frames")
-    if entries is None:
-        raise InputError.at(path, "frames", "is missing", "list the views under 'frames'")
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise InputError.at(path, "frames", "is not a list of objects", "write one {...} for each view")
-    if len(entries) < 2:
-        raise InputError.at(
-            path, "frames", f"holds {len(entries)} view{'s' * (len(entries) != 1)}", "give at least two views"
-        )
-    shared = {key: value for key, value in data.items() if key not in ("frames", "file_path", "transform_matrix")}
+    """Read the views of ``transforms.json`` with their pictures."""
+    entries, shared = _entries(data, path)
     stems = [PurePosixPath(str(entry.get("file_path"))).stem for entry in entries]
     views: list[View] = []
     taken: dict[Path, int] = {}
@@ -144,6 +151,23 @@ def _read_views(root: Path, data: dict[str, Any], path: Path) -> list[View]:
         _check_size(image, camera, path, f"frames[{i}]")
         views.append(View(camera=camera, image=image, background=_background(root, image, camera, path, i)))
     return views
+
+
+def _entries(data: dict[str, Any], path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """The views of ``transforms.json`` and what they share; files of nerfstudio carry neither format nor version."""
+    if "format" in data or "version" in data:
+        check_format({"format": FORMAT, **data}, path, FORMAT, VERSION)
+    entries = data.get("frames")
+    if entries is None:
+        raise InputError.at(path, "frames", "is missing", "list the views under 'frames'")
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError.at(path, "frames", "is not a list of objects", "write one {...} for each view")
+    if len(entries) < 2:
+        raise InputError.at(
+            path, "frames", f"holds {len(entries)} view{'s' * (len(entries) != 1)}", "give at least two views"
+        )
+    shared = {key: value for key, value in data.items() if key not in ("frames", "file_path", "transform_matrix")}
+    return entries, shared
 
 
 def _image_file(root: Path, name: Any, path: Path, field: str) -> Path:
@@ -242,26 +266,60 @@ def write_capture(
     """
     pictures = {"images": images} if backgrounds is None else {"images": images, "background": backgrounds}
     _check_pictures(folder, cameras, pictures)
-    if not frame.printed.any():
-        raise InputError.at(frame.name, "printed", "no strut is printed", "mark the struts that have been printed")
-    check_views(frame, cameras, Path(folder) / "transforms.json")
-    frames = {"frame.json": frame}
-    if truth is not None:
-        check_truth(truth, frame, Path(folder) / "truth.json")
-        frames["truth.json"] = truth
-    _check_extra(folder, extra or {})
-    names = _image_names(cameras)
-    views = [to_nerfstudio(camera, f"images/{name}") for camera, name in zip(cameras, names, strict=True)]
-    transforms = {"format": FORMAT, "version": VERSION, "camera_model": "OPENCV", "frames": views}
     with staged_directory(folder, overwrite) as staged:
-        for name, content in frames.items():
-            frame_json.write(staged / name, content)
-        for name, notes in {"transforms.json": transforms, **(extra or {})}.items():
-            write_json(staged / name, notes)
+        cameras = write_description(staged, frame, cameras, truth, extra, name=folder)
         for kind, kind_pictures in pictures.items():
             (staged / kind).mkdir()
-            for name, picture in zip(names, kind_pictures, strict=True):
-                write_png(staged / kind / name, picture)
+            for camera, picture in zip(cameras, kind_pictures, strict=True):
+                write_png(staged / kind / f"{camera.name}.png", picture)
+
+
+def write_description(
+    folder: Path,
+    frame: Wireframe,
+    cameras: Sequence[Camera],
+    truth: Wireframe | None = None,
+    extra: dict[str, dict[str, Any]] | None = None,
+    name: PathLike | None = None,
+) -> tuple[Camera, ...]:
+    """Write all of a capture but its pictures, into a folder that exists and is not the capture's own place yet.
+
+    Parameters
+    ----------
+    folder
+        Where to write; for a capture that shall be whole or not at all, a folder that is renamed in the end.
+    frame, cameras, truth, extra
+        See `write_capture`.
+    name
+        What to call the folder in messages.
+
+    Returns
+    -------
+    The cameras, each under the name of its picture: the picture of ``cameras[i]`` belongs into
+    ``images/<cameras[i].name>.png``.
+
+    Raises
+    ------
+    InputError
+        As `write_capture`.
+    """
+    name = folder if name is None else name
+    if not frame.printed.any():
+        raise InputError.at(frame.name, "printed", "no strut is printed", "mark the struts that have been printed")
+    check_views(frame, cameras, Path(name) / "transforms.json")
+    frames = {"frame.json": frame}
+    if truth is not None:
+        check_truth(truth, frame, Path(name) / "truth.json")
+        frames["truth.json"] = truth
+    _check_extra(name, extra or {})
+    files = _image_names(cameras)
+    views = [to_nerfstudio(camera, f"images/{file}") for camera, file in zip(cameras, files, strict=True)]
+    transforms = {"format": FORMAT, "version": VERSION, "camera_model": "OPENCV", "frames": views}
+    for file, content in frames.items():
+        frame_json.write(folder / file, content)
+    for file, notes in {"transforms.json": transforms, **(extra or {})}.items():
+        write_json(folder / file, notes)
+    return tuple(replace(camera, name=Path(file).stem) for camera, file in zip(cameras, files, strict=True))
 
 
 def _check_extra(folder: PathLike, names: Iterable[str]) -> None:

@@ -85,7 +85,7 @@ def contact_sheet(
         size = (CLOSE_UP_HEIGHT, part)
         rows.append(_row([_close_up(cameras, masks, layers, shown, size) for shown in close_ups], width, size[0]))
     views = [
-        _framed(draw_view(camera, mask, layers, size=tile, width=_line_width(camera, layers, tile)), camera.name)
+        _framed(draw_view(camera, mask, layers, size=tile, width=line_width(camera, layers, tile)), camera.name)
         for camera, mask in zip(cameras, masks, strict=True)
     ]
     rows += [_row(views[i : i + columns], width, tile[0]) for i in range(0, len(views), columns)]
@@ -187,7 +187,7 @@ def _columns(count: int, tile: tuple[int, int]) -> int:
     return min(range(1, count + 1), key=cost)
 
 
-def _line_width(camera: Camera, layers: Sequence[Layer], size: tuple[int, int]) -> float:
+def line_width(camera: Camera, layers: Sequence[Layer], size: tuple[int, int]) -> float:
     """Thinner lines where struts look short, so that dense frames stay legible."""
     curves = layers[0].control_points
     pixels, _ = camera.project(curves[:, [0, 3]], distort=False)

@@ -240,7 +240,7 @@ def _refuse_taken(target: Path, path: PathLike, overwrite: bool) -> None:
         )
 
 
-def _swap_in(staged: Path, target: Path) -> None:
+def swap_in(staged: Path, target: Path) -> None:
     """Put the finished folder in the place of ``target``, which may exist; the old one is deleted last."""
     if not target.exists():
         os.rename(staged, target)
@@ -287,7 +287,7 @@ def staged_directory(path: PathLike, overwrite: bool = False) -> Iterator[Path]:
             ) from error
         yield staged
         _refuse_taken(target, path, overwrite)  # somebody may have put a folder there meanwhile
-        _swap_in(staged, target)
+        swap_in(staged, target)
     except BaseException:
         shutil.rmtree(staged, ignore_errors=True)
         for parent in made:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
+from small_frames import tower
 
 from frametwin import bezier
 from frametwin.cameras import Camera
 from frametwin.capture import write_capture
 from frametwin.rigs import ring_rig
 from frametwin.wireframe import Wireframe
+
+_SESSION = pytest.StashKey[pytest.Session]()
 
 SHARED_FRAMES = Path(__file__).resolve().parents[2] / "shared" / "frames"
 
@@ -24,23 +28,6 @@ def shared_frames() -> Path:
     if not SHARED_FRAMES.is_dir():
         pytest.skip("the folder of real frames (../shared/frames beside the project) is absent")
     return SHARED_FRAMES
-
-
-def tower(levels: int = 2, curved: bool = False) -> Wireframe:
-    """A square tower with one diagonal on each side, 20 mm wide, levels of 20 mm."""
-    corners = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])
-    vertices = [[x, y, 20.0 * level] for level in range(levels + 1) for x, y in corners]
-    edges = []
-    for level in range(levels):
-        low, high = 4 * level, 4 * level + 4
-        for i in range(4):
-            edges += [[low + i, high + i], [high + i, high + (i + 1) % 4], [low + i, high + (i + 1) % 4]]
-    frame = Wireframe.create(vertices, edges, radius=1.0, name="tower")
-    if not curved:
-        return frame
-    curves = frame.control_points.copy()
-    curves[:, 1:3] += np.random.default_rng(5).normal(scale=1.0, size=(len(edges), 2, 3))
-    return frame.replace(control_points=curves)
 
 
 @pytest.fixture
@@ -55,6 +42,8 @@ def curved_frame() -> Wireframe:
 
 def silhouette(frame: Wireframe, camera: Camera) -> np.ndarray:
     """Draw the printed struts as thick polylines (H, W) uint8: rough, but independent of the renderer."""
+    import cv2  # here, since tests inside of Blender have numpy alone
+
     image = np.zeros((camera.height, camera.width), dtype=np.uint8)
     curves = bezier.evaluate(frame.control_points[frame.printed], np.linspace(0.0, 1.0, 17))  # (E, 17, 3)
     pixels, depth = camera.project(curves)
@@ -78,3 +67,20 @@ def small_capture(tmp_path: Path) -> Path:
     folder = tmp_path / "capture"
     write_capture(folder, frame, cameras, [silhouette(truth, camera) for camera in cameras], truth=truth)
     return folder
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    session.config.stash[_SESSION] = session
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Leave at once if Blender was loaded, with the exit code of the tests: its own way out may hang or crash."""
+    session = config.stash.get(_SESSION, None)
+    if "bpy" not in sys.modules or session is None or hasattr(config, "workerinput"):
+        return
+    if config.pluginmanager.has_plugin("terminalreporter"):
+        config.get_terminal_writer().flush()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(int(session.exitstatus))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import tower
+from small_frames import tower
 
 from frametwin import bezier
 from frametwin.fit.elastic import ANCHOR, ElasticFrame

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import tower
+from small_frames import tower
 
 from frametwin import bezier
 from frametwin.capture import Capture, read_capture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import tower
+from small_frames import tower
 
 from frametwin.beams import solve_clamped
 from frametwin.fields.lattice import LatticeField, even_cells

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import tower
 from rod_cases import camera_at, level_of, of_frame
+from small_frames import tower
 
 from frametwin.cameras import Camera
 from frametwin.fit.confidence import confidence, standard_deviation

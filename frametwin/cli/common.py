@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,10 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from frametwin.errors import InputError
-
 if TYPE_CHECKING:
-    from frametwin.twin import Twin
     from frametwin.wireframe import Wireframe
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -89,60 +85,11 @@ def load_frame(name: str) -> Wireframe:
     return named_frame(name)
 
 
-def load_run(path: Path) -> tuple[Twin, Wireframe]:
-    """Read a run folder, or its ``twin.json``: the twin, and the plan that it is a twin of.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged, or the two do not belong together.
-    """
-    from frametwin.formats import frame_json
-    from frametwin.twin import read_twin
-
-    twin = read_twin(path)
-    frame = frame_json.read((path if path.is_dir() else path.parent) / "frame.json")
-    twin.as_wireframe(frame)  # refuses a twin of another frame
-    return twin, frame
-
-
-def is_run(path: Path) -> bool:
-    """Whether a path is that of a run folder or of its ``twin.json``."""
-    return path.name == "twin.json" or (path / "twin.json").is_file()
-
-
 def check_output_folder(path: Path, overwrite: bool, mark: str) -> None:
-    """Refuse an output folder before the work begins, and not only when its result is written.
+    """Refuse an output folder before the work begins; see `frametwin.runs.require_free`."""
+    from frametwin.runs import require_free
 
-    Parameters
-    ----------
-    path
-        The folder to be.
-    overwrite
-        Whether it may be replaced.
-    mark
-        The file that shows that the folder was made by the same command. Other folders are never replaced,
-        lest a slip of the finger deletes somebody's work.
-
-    Raises
-    ------
-    InputError
-        If it is a file, or a folder with something in it that may not be replaced.
-    """
-    above = next(parent for parent in (path, *path.absolute().parents) if parent.exists())
-    if not above.is_dir():
-        problem = "is the name of a file" if above == path else f"lies below the file {above}"
-        raise InputError.at(path, "--out", problem, "choose another name for the folder")
-    if not os.access(above, os.W_OK):
-        raise InputError.at(path, "--out", "cannot be written", "choose a place that is writable")
-    if not path.is_dir() or not any(path.iterdir()):
-        return
-    if not overwrite:
-        raise InputError.at(path, "--out", "exists and is not empty", "choose another folder, or give --overwrite")
-    if not (path / mark).is_file():
-        raise InputError.at(
-            path, "--out", f"holds something else (there is no {mark})", "choose another folder, or empty it"
-        )
+    require_free(path, overwrite, mark, "--out", "give --overwrite")
 
 
 def print_json(data: dict[str, Any]) -> None:

@@ -10,10 +10,8 @@ import click
 from frametwin.cli.common import (
     FOLDER,
     Positive,
-    is_run,
     json_option,
     load_frame,
-    load_run,
     overwrite_option,
     print_json,
 )
@@ -64,6 +62,8 @@ def command(
 
 
 def _read(source: str) -> Wireframe:
+    from frametwin.runs import is_run, load_run
+
     if is_run(Path(source)):
         twin, plan = load_run(Path(source))
         return twin.as_wireframe(plan)

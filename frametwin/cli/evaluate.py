@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, listed, load_run, print_json, print_table
-from frametwin.errors import InputError
+from frametwin.cli.common import FOLDER, json_option, listed, print_json, print_table
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from frametwin.evaluate import Errors
     from frametwin.findings import Detection
     from frametwin.twin import Twin
-    from frametwin.wireframe import Wireframe
 
 ROWS = (("curves", "curves, both ways"), ("joints", "joints"), ("equal_parameter", "equal parameter"))
 
@@ -52,6 +47,7 @@ def command(run: Path, truth: Path, worst: int, as_json: bool) -> None:
     """
     from frametwin.evaluate import evaluate
     from frametwin.findings import Detection, missing_struts
+    from frametwin.runs import load_run, read_truth
 
     twin, frame = load_run(run)
     real = read_truth(truth, frame)
@@ -69,37 +65,6 @@ def command(run: Path, truth: Path, worst: int, as_json: bool) -> None:
         print_table("Worst struts, in mm", names, _worst_rows(errors, twin, worst))
     if detection is not None:
         click.echo(describe_detection(detection))
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """The real geometry, and (E, 2) at which intervals its struts exist, where that is known."""
-
-    frame: Wireframe
-    present: np.ndarray | None
-
-
-def read_truth(path: Path, plan: Wireframe) -> Truth:
-    """Read the truth of a capture, or a frame file; what is printed is as in ``plan``.
-
-    Raises
-    ------
-    InputError
-        If there is none, it is damaged, or it is not the truth of ``plan``.
-    """
-    from frametwin.capture_checks import check_truth
-    from frametwin.formats import defects_json, read_frame
-
-    file = path / "truth.json" if path.is_dir() else path
-    if path.is_dir() and not file.is_file():
-        remedy = "give a capture that was simulated, or the frame file of the real geometry"
-        raise InputError.at(path, "truth.json", "is missing, so the truth is not known", remedy)
-    truth = read_frame(file)
-    check_truth(truth, plan, file)
-    defects = file.parent / defects_json.FILE_NAME
-    known = file.name == "truth.json" and defects.is_file()
-    present = defects_json.read(defects, plan.printed) if known else None
-    return Truth(truth.replace(printed=plan.printed), present)
 
 
 def error_rows(*judged: Errors) -> list[list[str]]:

@@ -24,8 +24,7 @@ from frametwin.cli.display import Display
 from frametwin.errors import InputError
 
 if TYPE_CHECKING:
-    from frametwin.twin import Twin
-    from frametwin.wireframe import Wireframe
+    pass
 
 PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven")
 """As `frametwin.fit.api.PRESETS`, which takes seconds to import."""
@@ -105,6 +104,7 @@ def _fit(options: FitOptions) -> None:
     check_output_folder(options.out, options.overwrite, "twin.json")
     from frametwin.capture import read_capture
     from frametwin.fit.api import fit_capture, settings_of, write_run
+    from frametwin.runs import fit_summary
 
     preset, seed = options.preset, options.seed
     changes = parse_changes(options.assignments, settings_of(preset, seed))
@@ -114,29 +114,11 @@ def _fit(options: FitOptions) -> None:
             capture, preset, seed=seed, changes=changes, warm_start=options.warm_start, callback=display
         )
         write_run(options.out, result, capture, overwrite=options.overwrite)
-    data = summary(result.twin, capture.frame)
+    data = fit_summary(result.twin, capture.frame)
     if options.as_json:
         print_json({"out": options.out, "preset": preset, "views": len(capture.views), **data})
     else:
         print_facts(f"run: {options.out}", summary_facts(data, len(capture.views)))
-
-
-def summary(twin: Twin, frame: Wireframe) -> dict[str, Any]:
-    """What a fit found, as for a JSON file."""
-    from frametwin.findings import missing_struts, uncertain_struts
-
-    missing = missing_struts(twin, frame.printed)
-    uncertain = uncertain_struts(twin, frame.printed)
-    return {
-        "frame": frame.name,
-        "struts": frame.strut_count,
-        "printed": int(frame.printed.sum()),
-        "missing": [{"strut": int(i), "completeness": float(twin.completeness[i])} for i in missing],
-        "uncertain": [{"strut": int(i), "confidence": float(twin.confidence[i])} for i in uncertain],
-        "loss": twin.loss[-1] if twin.loss else None,
-        "seconds": float(twin.timing.get("total", 0.0)),
-        "timing": dict(twin.timing),
-    }
 
 
 def summary_facts(data: dict[str, Any], views: int) -> list[tuple[str, str]]:

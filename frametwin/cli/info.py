@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from frametwin.cli.common import (
-    is_run,
     json_option,
     listed,
     load_frame,
-    load_run,
     print_facts,
     print_json,
 )
@@ -38,6 +36,8 @@ def command(source: str, as_json: bool) -> None:
       frametwin info NodeFemur_wireframe.txt
       frametwin info CAPTURE --json
     """
+    from frametwin.runs import is_run
+
     path = Path(source)
     if is_run(path):
         data = _run(path)
@@ -113,6 +113,7 @@ def _capture(path: Path) -> dict[str, Any]:
 
 def _run(path: Path) -> dict[str, Any]:
     from frametwin.findings import missing_struts, uncertain_struts
+    from frametwin.runs import load_run
 
     twin, frame = load_run(path)
     return {

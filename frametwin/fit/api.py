@@ -118,7 +118,7 @@ def fit_capture(
             confidence=twin.confidence,
             loss=twin.loss,
             timing={"read": read, **twin.timing, "total": perf_counter() - began},
-            provenance={**twin.provenance, "inputs": _hashes(capture)},
+            provenance={**twin.provenance, "inputs": input_hashes(capture)},
         ),
         result.field,
     )
@@ -330,7 +330,7 @@ def _spread(
     return all_vertices, all_curves
 
 
-def _hashes(capture: Capture) -> dict[str, str]:
+def input_hashes(capture: Capture) -> dict[str, str]:
     """SHA-256 of every file that was read, by its name in the capture."""
     files = [capture.root / "frame.json", capture.root / "transforms.json"]
     files += [path for view in capture.views for path in (view.image, view.background) if path is not None]

@@ -1,0 +1,107 @@
+"""Which Python the worker runs in."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+
+from frametwin.errors import InputError
+
+VARIABLE = "FRAMETWIN_PYTHON"
+
+NEEDED = ("numpy", "scipy", "numba", "torch", "cv2", "safetensors")
+"""Packages without which the library's jobs cannot run."""
+
+REMEDY = (
+    "set up an environment with FrameTwin (python3 -m venv ENV, then ENV/bin/python -m pip install frametwin)"
+    f" and give its Python, or set the variable {VARIABLE} to it"
+)
+
+
+def find_python(given: str | os.PathLike[str] | None = None) -> str:
+    """Find the Python that has the libraries.
+
+    Parameters
+    ----------
+    given
+        What the user chose, if anything: a Python, its name on the search path, or the folder of an environment.
+
+    Returns
+    -------
+    The given one, else that of the variable ``FRAMETWIN_PYTHON``, else the running one if it can do the work.
+
+    Raises
+    ------
+    InputError
+        If there is none, or the one that is given is no program; the message says what to do. Whether FrameTwin is
+        installed there is seen when a worker is started.
+    """
+    if given is not None and str(given).strip():
+        return _program(str(given).strip(), "Python")
+    named = os.environ.get(VARIABLE, "").strip()
+    if named:
+        return _program(named, VARIABLE)
+    running = sys.executable or ""
+    if not Path(running).stem.lower().startswith(("python", "pypy")):
+        raise InputError.at(running or "this program", "Python", "is no Python", REMEDY)
+    missing = [name for name in NEEDED if find_spec(name) is None]
+    if missing:
+        raise InputError.at(running, "Python", f"lacks what FrameTwin computes with ({', '.join(missing)})", REMEDY)
+    return running
+
+
+def _program(given: str, field: str) -> str:
+    path = Path(given).expanduser()
+    if path.is_dir():
+        inside = [path / "bin" / "python", path / "Scripts" / "python.exe", path / "python.exe"]
+        path = next((file for file in inside if file.is_file()), path)
+        if path.is_dir():
+            raise InputError.at(given, field, "is a folder without a Python in it", REMEDY)
+    elif not path.is_file():
+        found = shutil.which(given)
+        if found is None:
+            raise InputError.at(given, field, "does not exist", REMEDY)
+        path = Path(found)
+    if not os.access(path, os.X_OK):
+        raise InputError.at(given, field, "is not a program that can be run", REMEDY)
+    return os.path.abspath(path)  # not resolved: an environment's Python is known by its own place
+
+
+BLENDERS_OWN = ("PYTHONHOME", "PYTHONPATH", "PYTHONEXECUTABLE", "PYTHONPLATLIBDIR", "__PYVENV_LAUNCHER__")
+"""Variables that lead another Python to the modules of the running one."""
+
+
+def worker_environment(
+    python: str, package_root: str | os.PathLike[str] | None, changes: Mapping[str, str | None] | None
+) -> dict[str, str]:
+    """Environment variables for a worker: those of this process, but for `BLENDERS_OWN` if its Python is another one.
+
+    Parameters
+    ----------
+    python
+        Of the worker.
+    package_root
+        The folder that holds the package ``frametwin``, to take it from there (a source checkout) and not from where it
+        is installed.
+    changes
+        Variables to set; ``None`` removes one.
+    """
+    environment = dict(os.environ)
+    if os.path.normcase(python) != os.path.normcase(os.path.abspath(sys.executable or ".")):
+        for name in BLENDERS_OWN:
+            environment.pop(name, None)
+    if package_root is not None:
+        rest = environment.get("PYTHONPATH")
+        environment["PYTHONPATH"] = os.pathsep.join([os.path.abspath(package_root), *([rest] if rest else [])])
+    # A file in the working folder must not pass for one of the library's modules.
+    environment["PYTHONSAFEPATH"] = "1"
+    for name, value in (changes or {}).items():
+        if value is None:
+            environment.pop(name, None)
+        else:
+            environment[name] = value
+    return environment
