@@ -1,0 +1,1 @@
+"""Blender adapters: between FrameTwin's own types and Blender's data. Needs ``bpy``, and numpy alone beside it."""

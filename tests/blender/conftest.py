@@ -1,0 +1,81 @@
+"""Tests of what runs inside of Blender: skipped where there is no ``bpy``, each in an empty scene of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from frametwin.wireframe import Wireframe
+
+REASON = "Blender is absent: install the bpy wheel (pip install bpy), 4.5 for Python 3.11 or 5.2 for 3.13"
+
+
+class WithoutBlender(pytest.Module):
+    """A test file that is not even imported."""
+
+    def collect(self) -> Any:
+        pytest.skip(REASON, allow_module_level=True)
+
+
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
+    if importlib.util.find_spec("bpy") is not None:
+        return None
+    module: pytest.Module = WithoutBlender.from_parent(parent, path=module_path)
+    return module
+
+
+@pytest.fixture(autouse=True)
+def empty_scene() -> Iterator[Any]:
+    """The scene of a fresh file without objects; what a test leaves behind is thrown away."""
+    import bpy
+
+    # Factory *settings* would disable extensions that a test has enabled; the factory start-up file does not.
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    yield bpy.context.scene
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+
+
+@pytest.fixture
+def scene(empty_scene: Any) -> Any:
+    """The scene in which the test runs; a unit is a metre."""
+    return empty_scene
+
+
+@pytest.fixture
+def link(scene: Any) -> Callable[[str, Any], Any]:
+    """Make an object of a data-block (or an empty, of ``None``) and put it into the scene."""
+    import bpy
+
+    def make(name: str, data: Any) -> Any:
+        obj = bpy.data.objects.new(name, data)
+        scene.collection.objects.link(obj)
+        return obj
+
+    return make
+
+
+@pytest.fixture
+def rich_frame() -> Wireframe:
+    """Bent struts of different radius, partly printed, in batches, with a vertex that no strut uses."""
+    rng = np.random.default_rng(11)
+    ring = np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False)
+    low = np.column_stack([40.0 * np.cos(ring), 40.0 * np.sin(ring), np.zeros(6)])
+    vertices = np.concatenate([low, 0.7 * low + [3.0, -2.0, 55.0], [[500.0, 1.0, 2.0]]])
+    edges = [[i, i + 6] for i in range(6)] + [[6 + i, 6 + (i + 1) % 6] for i in range(6)]
+    edges += [[(i + 1) % 6, i + 6] for i in range(6)]
+    straight = Wireframe.create(vertices, edges)
+    curves = straight.control_points.copy()
+    curves[:12, 1:3] += rng.normal(scale=3.0, size=(12, 2, 3))
+    return straight.replace(
+        control_points=curves,
+        radius=rng.uniform(0.8, 1.6, size=18),
+        printed=np.arange(18) < 11,
+        grounded=np.array([True, True, False, True, True, True] + [False] * 7),
+        batch=np.array([0, 0, 2, 1, 5, 2**40] * 3),
+        name="hexagon",
+    )
