@@ -3,6 +3,8 @@
     python scripts/benchmark.py                          fast on every frame that is found
     python scripts/benchmark.py --paper Femur            the paper preset too, on the frames named (minutes each)
     python scripts/benchmark.py --frames bridge Femur --seeds 0 1 2
+    python scripts/benchmark.py --frames Femur --pictures library mask photo    who takes them (photos: minutes)
+    python scripts/benchmark.py --render                 views per minute in Blender instead (benchmark_render.py)
 
 Conditions: 8 views of 1200x1600, sag of 7 % of the extent with one strut in four not hardened, strut radius 6 % of the
 median strut length. Every fit runs in a process of its own, after a fit of a small frame has loaded the compiled
@@ -16,6 +18,8 @@ import argparse
 import json
 import subprocess
 import sys
+import tempfile
+from itertools import product
 from pathlib import Path
 from time import perf_counter
 
@@ -65,7 +69,7 @@ def peak_megabytes() -> float:
     return peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
 
 
-def measure(path: Path, preset: str, seed: int, views: int) -> dict:
+def measure(path: Path, preset: str, seed: int, views: int, pictures: str = "library") -> dict:
     """One fit of one frame, in this process."""
     from frametwin.evaluate import evaluate
     from frametwin.fit.api import fit_views
@@ -81,7 +85,7 @@ def measure(path: Path, preset: str, seed: int, views: int) -> dict:
     radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
     frame = frame.replace(radius=np.full(frame.strut_count, radius), printed=np.ones(frame.strut_count, dtype=bool))
     capture = simulate(frame, SimulationSettings(views=views, seed=seed))
-    masks = _masks(capture)
+    masks = _masks(capture) if pictures == "library" else _masks_by_blender(capture, pictures)
     began = perf_counter()
     twin = fit_views(capture.frame, capture.cameras, masks, preset, seed=seed).twin
     seconds = perf_counter() - began
@@ -99,13 +103,34 @@ def _masks(capture) -> list[np.ndarray]:
     return [image.astype(np.float32) / np.float32(255) for image in capture.images]
 
 
-def run(name: str, path: Path, preset: str, seed: int, views: int) -> dict:
+def _masks_by_blender(capture, style: str) -> list[np.ndarray]:
+    """Masks as Blender renders them, or found in photos that it renders."""
+    from frametwin.images import binarise_photo
+    from frametwin.png import decode_png
+    from frametwin.rendering import render_in_child
+    from frametwin.scene import Scene
+
+    scene = Scene.whole(capture.truth, capture.cameras, style)
+    with tempfile.TemporaryDirectory(prefix="frametwin-") as name:
+        folder = Path(name)
+        render_in_child(scene, folder)
+
+        def picture(kind: str, camera) -> np.ndarray:
+            return decode_png((folder / kind / f"{camera.name}.png").read_bytes())
+
+        if style == "mask":
+            return [picture("images", camera).astype(np.float32) / np.float32(255) for camera in capture.cameras]
+        return [binarise_photo(picture("images", c), picture("background", c)) for c in capture.cameras]
+
+
+def run(name: str, path: Path, preset: str, seed: int, views: int, pictures: str = "library") -> dict:
     """The same in a fresh process."""
-    command = [sys.executable, __file__, "--one", str(path), preset, str(seed), str(views)]
+    command = [sys.executable, __file__, "--one", str(path), preset, str(seed), str(views), pictures]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise SystemExit(f"{name} {preset}: {done.stderr.strip().splitlines()[-1:] or 'failed'}")
-    return {"frame": name, "preset": preset, "seed": seed, "views": views, **json.loads(done.stdout)}
+    conditions = {"frame": name, "preset": preset, "seed": seed, "views": views, "pictures": pictures}
+    return {**conditions, **json.loads(done.stdout)}
 
 
 def row(result: dict) -> str:
@@ -115,7 +140,7 @@ def row(result: dict) -> str:
     cells = (
         result["frame"],
         str(result["struts"]),
-        result["preset"],
+        result["preset"] + ("" if result["pictures"] == "library" else f", {result['pictures']} by Blender"),
         f"{result['seconds']:.1f}",
         f"{after['curves']['mean']:.3f} / {after['curves']['max']:.2f}",
         f"{after['joints']['mean']:.3f}",
@@ -135,18 +160,26 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--views", type=int, default=8)
     parser.add_argument("--json", type=Path, help="write all figures to this file too")
-    parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
+    parser.add_argument("--render", action="store_true", help="views per minute that Blender renders, masks and photos")
+    parser.add_argument("--pictures", nargs="+", default=["library"], choices=["library", "mask", "photo"])
+    parser.add_argument("--one", nargs=5, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if given.render:
+        from benchmark_render import render_benchmark
+
+        print("\n".join(render_benchmark(views=given.views)))
+        return
     if given.one:
-        path, preset, seed, views = given.one
-        print(json.dumps(measure(Path(path), preset, int(seed), int(views))))
+        path, preset, seed, views, pictures = given.one
+        print(json.dumps(measure(Path(path), preset, int(seed), int(views), pictures)))
         return
     print("| " + " | ".join(COLUMNS) + " |\n|" + " --- |" * len(COLUMNS), flush=True)
     results = []
     for name in given.frames:
         for seed in given.seeds:
-            for preset in ("fast", "paper") if name in given.paper else ("fast",):
-                results.append(run(name, frames[name], preset, seed, given.views))
+            presets = ("fast", "paper") if name in given.paper else ("fast",)
+            for preset, pictures in product(presets, given.pictures):
+                results.append(run(name, frames[name], preset, seed, given.views, pictures))
                 print(row(results[-1]), flush=True)
     fast = [r["after"]["curves"]["mean"] for r in results if r["preset"] == "fast"]
     print(f"\nfast: curve mean over {len(fast)} fits {np.mean(fast):.4f} mm, largest {np.max(fast):.4f} mm")

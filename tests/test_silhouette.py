@@ -114,6 +114,37 @@ def test_a_part_of_a_curve_is_the_curve_that_was_cut_there() -> None:
     np.testing.assert_array_equal(found, silhouettes(part, [camera])[0])
 
 
+@pytest.mark.parametrize("bend", [0.0, 4.0])
+@pytest.mark.parametrize("name", CAMERAS)
+def test_the_radius_may_change_along_the_strut(name: str, bend: float) -> None:
+    camera = CAMERAS[name]
+    frame = strut([-10.0, -3.0, -2.0], [6.0, 5.0, 3.0], 1.0)
+    curve = frame.control_points.copy()
+    curve[0, 1:3, 2] += bend
+    frame = frame.replace(control_points=curve)
+    thickness, interval = np.array([[1.5, 0.6, 2.0, 1.1]]), np.array([[0.15, 0.9]])
+    toward, outside = rays(camera), np.full((camera.height, camera.width), np.inf)
+    u = np.linspace(*interval[0], 1500)
+    radius = np.interp(u, np.linspace(0.0, 1.0, 4), thickness[0])
+    for point, r in zip(bezier.evaluate(curve[0], u) - camera.centre, radius, strict=True):
+        distance = np.sqrt(np.maximum(point @ point - (toward @ point) ** 2, 0.0))
+        outside = np.minimum(outside, distance - r)
+    picture = silhouettes(frame, [camera], present=interval, thickness=thickness)[0]
+    clear = np.abs(outside) > (1e-4 if bend == 0.0 else 6e-3)
+    assert clear.mean() > 0.97
+    np.testing.assert_array_equal(picture[clear] == 255, outside[clear] < 0.0)
+
+
+def test_an_even_thickness_is_the_radius() -> None:
+    cameras = list(CAMERAS.values())
+    frame = triangle()
+    for count in (2, 5):
+        thickness = np.repeat(frame.radius[:, None], count, axis=1)
+        found = silhouettes(frame.replace(radius=np.full(3, 0.1)), cameras, thickness=thickness)
+        for one, other in zip(found, silhouettes(frame, cameras), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
 def triangle(**changes: object) -> Wireframe:
     vertices = [[-10.0, 0.0, -6.0], [10.0, 2.0, -6.0], [0.0, 0.0, 9.0]]
     return Wireframe.create(vertices, [[0, 1], [1, 2], [2, 0]], radius=[0.6, 1.0, 1.4], **changes)

@@ -1,8 +1,8 @@
 """Exact silhouettes of round struts, without a renderer.
 
 A pixel is white when the ray through its centre passes within a strut's radius of the strut's centreline: the
-outline of a sphere swept along the curve, perspective and all. The curve is a polyline so fine that its chords
-leave it by far less than a pixel.
+outline of a sphere swept along the curve, perspective and all. The radius may change along the strut. The curve is a
+polyline so fine that its chords leave it by far less than a pixel.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from frametwin import bezier
 from frametwin.cameras import Camera, packed
 from frametwin.errors import InputError
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.strut_mesh import radii_at
 from frametwin.wireframe import Wireframe
 
 CHORDS = 32
@@ -27,26 +28,36 @@ STRAIGHT = 1e-9
 
 
 @nb.njit(cache=True)
-def _near(rx, ry, a, b, limit):
-    """Whether the ray (rx, ry, 1) from the origin passes the segment a..b within sqrt(limit)."""
+def _near(rx, ry, a, b, ra, rb):
+    """Whether the ray (rx, ry, 1) from the origin meets a sphere swept along a..b as its radius goes from ra to rb.
+
+    The square of the distance less the square of the radius is a parabola over the way t from a to b.
+    """
     ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    dr = rb - ra
     dd = rx * rx + ry * ry + 1.0
     de = rx * ex + ry * ey + ez
     ee = ex * ex + ey * ey + ez * ez
     da = rx * a[0] + ry * a[1] + a[2]
     ea = ex * a[0] + ey * a[1] + ez * a[2]
-    det = dd * ee - de * de
+    curvature = dd * (ee - dr * dr) - de * de
     t = 0.0
-    if det > 1e-18 * dd * ee:
-        t = min(1.0, max(0.0, (de * da - dd * ea) / det))
+    if curvature > 1e-18 * dd * ee:
+        t = min(1.0, max(0.0, (de * da - dd * (ea - dr * ra)) / curvature))
+    elif rb > ra:  # one end is nearest: the thicker one, as the ray runs along the strut
+        t = 1.0
     x, y, z = a[0] + t * ex, a[1] + t * ey, a[2] + t * ez
     along = (rx * x + ry * y + z) / dd
-    return (x - along * rx) ** 2 + (y - along * ry) ** 2 + (z - along) ** 2 <= limit
+    r = ra + t * dr
+    return (x - along * rx) ** 2 + (y - along * ry) ** 2 + (z - along) ** 2 <= r * r
 
 
 @nb.njit(parallel=True, cache=True)
 def _fill(starts, ends, radius, camera, picture):
-    """White into picture (H, W) uint8 for pieces (S, 3), bands of rows in parallel; camera as `packed`."""
+    """White into picture (H, W) uint8 for pieces (S, 3) with radii (S, 2); camera as `packed`.
+
+    Bands of rows are filled in parallel.
+    """
     height, width = picture.shape
     bands = 16
     rotation = camera[:9].reshape(3, 3)
@@ -60,7 +71,8 @@ def _fill(starts, ends, radius, camera, picture):
                 for f in range(3):
                     a[e] += rotation[e, f] * starts[k, f]
                     b[e] += rotation[e, f] * ends[k, f]
-            r = radius[k]
+            ra, rb = radius[k]
+            r = max(ra, rb)
             if min(a[2], b[2]) <= r:
                 continue
             x0 = min((a[0] - r) / a[2], (b[0] - r) / b[2])
@@ -77,7 +89,7 @@ def _fill(starts, ends, radius, camera, picture):
             for j in range(top, bottom + 1):
                 ry = (j + 0.5 - camera[15]) / camera[13]
                 for i in range(left, right + 1):
-                    if picture[j, i] == 0 and _near((i + 0.5 - camera[14]) / camera[12], ry, a, b, r * r):
+                    if picture[j, i] == 0 and _near((i + 0.5 - camera[14]) / camera[12], ry, a, b, ra, rb):
                         picture[j, i] = 255
 
 
@@ -86,6 +98,7 @@ def silhouettes(
     cameras: Sequence[Camera],
     *,
     present: np.ndarray | None = None,
+    thickness: np.ndarray | None = None,
     supersampling: int = 1,
     progress: ProgressCallback | None = None,
 ) -> list[np.ndarray]:
@@ -99,6 +112,8 @@ def silhouettes(
         Without lens distortion.
     present
         (E, 2) interval of the curve parameter at which each strut is really there; all of it by default.
+    thickness
+        (E, K) radius in mm at even parameters from 0 to 1, linear in between, K >= 2; ``frame.radius`` by default.
     supersampling
         Samples along each side of a pixel. With 1 the picture holds 0 and 255 only.
     progress
@@ -115,7 +130,7 @@ def silhouettes(
     Cancelled
         If ``progress`` says so.
     """
-    starts, ends, radius = _pieces(frame, present)
+    starts, ends, radius = _pieces(frame, present, thickness)
     pictures = []
     for i, camera in enumerate(cameras):
         report(progress, Progress("silhouettes", i, len(cameras)))
@@ -137,21 +152,35 @@ def silhouettes(
     return pictures
 
 
-def _pieces(frame: Wireframe, present: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Straight pieces (S, 3), (S, 3) and their radius (S,)."""
+def _pieces(
+    frame: Wireframe, present: np.ndarray | None, thickness: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Straight pieces (S, 3), (S, 3) and the radii (S, 2) at their ends."""
     interval = np.tile([0.0, 1.0], (frame.strut_count, 1)) if present is None else np.asarray(present, dtype=float)
+    radii = np.repeat(frame.radius[:, None], 2, axis=1) if thickness is None else np.asarray(thickness, dtype=float)
     there = frame.printed & (interval[:, 1] > interval[:, 0])
-    control, interval, radius = frame.control_points[there], interval[there], frame.radius[there]
+    control, interval, radii = frame.control_points[there], interval[there], radii[there]
     thirds = np.linspace(control[:, 0], control[:, 3], 4, axis=1)
     bend = np.abs(control - thirds).max(axis=(1, 2), initial=0.0)
     straight = bend < STRAIGHT * np.linalg.norm(control[:, 3] - control[:, 0], axis=1)
+    even = np.ptp(radii, axis=1) == 0.0
+    kinks = np.linspace(0.0, 1.0, radii.shape[1])
     starts, ends, widths = [], [], []
-    for chosen, count in ((straight, 1), (~straight, CHORDS)):
+    for chosen, count, corners in (
+        (straight & even, 1, kinks[:0]),
+        (~straight & even, CHORDS, kinks[:0]),
+        (straight & ~even, 1, kinks[1:-1]),
+        (~straight & ~even, CHORDS, kinks[1:-1]),
+    ):
         share = np.linspace(0.0, 1.0, count + 1)
-        u = interval[chosen, :1] + share * np.diff(interval[chosen], axis=1)  # (S, count + 1)
+        low, high = interval[chosen, :1], interval[chosen, 1:]
+        u = low + share * (high - low)  # (S, count + 1)
+        # A piece ends wherever the radius bends; pieces of no length do no harm.
+        u = np.sort(np.concatenate([u, np.clip(np.broadcast_to(corners, (len(u), corners.size)), low, high)], axis=1))
         basis = bezier.bernstein(3, u.ravel()).reshape(*u.shape, 4)
         points = np.einsum("sjb,sbx->sjx", basis, control[chosen])
+        radius = radii_at(radii[chosen], u)
         starts.append(points[:, :-1].reshape(-1, 3))
         ends.append(points[:, 1:].reshape(-1, 3))
-        widths.append(np.repeat(radius[chosen], count))
+        widths.append(np.stack([radius[:, :-1], radius[:, 1:]], axis=-1).reshape(-1, 2))
     return np.concatenate(starts), np.concatenate(ends), np.concatenate(widths)

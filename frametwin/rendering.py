@@ -1,0 +1,54 @@
+"""Pictures by Blender for who is no Blender: in a child process, where Blender's module is installed."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from frametwin.errors import InputError
+from frametwin.progress import ProgressCallback
+from frametwin.scene import Scene, read_scene, write_scene
+from frametwin.worker.client import WorkerClient
+
+
+def blender_is_here() -> bool:
+    """Whether Blender's module is installed beside this Python; nothing is imported."""
+    return find_spec("bpy") is not None
+
+
+def render(scene: Path, folder: Path, progress: ProgressCallback | None = None) -> dict[str, Any]:
+    """Render a scene file into a folder, in this very process: the job ``render`` of the worker.
+
+    Returns
+    -------
+    ``blender``, its version, and ``engine``.
+
+    Raises
+    ------
+    InputError
+        If Blender's module is not installed, or the scene cannot be rendered.
+    Cancelled
+        If ``progress`` returns ``False``.
+    """
+    if not blender_is_here():
+        remedy = "install it by 'python3 scripts/run.py setup'"
+        raise InputError.at(scene, "scene", "needs Blender's module bpy, which is not installed", remedy)
+    from frametwin.blender.render import render_scene
+
+    rendered = render_scene(read_scene(scene), folder, progress)
+    return {"blender": rendered.blender, "engine": rendered.engine}
+
+
+def render_in_child(scene: Scene, folder: Path, progress: ProgressCallback | None = None) -> dict[str, Any]:
+    """Render a scene into a folder that exists; a Blender that crashes takes nothing with it.
+
+    Returns, raises
+        As `render`.
+    """
+    with tempfile.TemporaryDirectory(prefix="frametwin-") as temporary, WorkerClient(sys.executable) as worker:
+        file = Path(temporary) / "scene.json"
+        write_scene(file, scene)
+        return worker.call("render", {"scene": str(file), "folder": str(folder.absolute())}, progress)

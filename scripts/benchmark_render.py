@@ -1,0 +1,86 @@
+"""Views per minute that Blender renders here, and what FrameTwin adds to the renderer's own time.
+
+    python scripts/benchmark_render.py                   Femur where it is found, else the lattice tower
+    python scripts/benchmark_render.py --frame FILE --views 4
+
+Conditions: pictures of 1200x1600, strut radius 6 % of the median strut length, settings as they come. Each kind of
+picture is rendered twice: the first time compiles shaders and loads kernels and does not count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+FEMUR = ROOT.parent / "shared" / "frames" / "rl3dp" / "NodeFemur_wireframe.txt"
+TOWER = ROOT / "datasets" / "frames" / "lattice_tower.json"
+RADIUS_SHARE = 0.06
+SIZE = (1200, 1600)
+WARM_SIZE = (24, 32)
+
+
+def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int = 1) -> list[str]:
+    """Lines of a Markdown table: views per minute for every kind of picture.
+
+    Parameters
+    ----------
+    path
+        The frame; Femur or the lattice tower by default.
+    views, photo_views
+        How many views of the masks and passes, and of the photos, are rendered and counted.
+    """
+    from frametwin.blender import engines
+    from frametwin.formats import read_frame
+    from frametwin.rigs import ring_rig
+    from frametwin.scene import Scene
+
+    path = path or (FEMUR if FEMUR.is_file() else TOWER)
+    frame = read_frame(path)
+    radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
+    frame = frame.replace(radius=np.full(frame.strut_count, radius), printed=np.ones(frame.strut_count, dtype=bool))
+    kinds = [("mask, Workbench", views, {"engine": "workbench"})] if engines.workbench_works() else []
+    kinds += [
+        ("mask, Cycles", views, {"engine": "cycles"}),
+        ("mask and passes", views, {"passes": True}),
+        ("photo and background", photo_views, {"style": "photo"}),
+    ]
+    lines = [
+        f"{path.stem}, {frame.strut_count} struts, {SIZE[0]}x{SIZE[1]}",
+        "",
+        "| pictures | views a minute | seconds a view in Blender's renderer | beside it | share |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, count, settings in kinds:
+        measure(Scene.whole(frame, ring_rig(frame, 1, size=WARM_SIZE), **settings))
+        report = measure(Scene.whole(frame, ring_rig(frame, count, size=SIZE), **settings))
+        inside, beside = report.rendering_seconds / count, report.other_seconds / count
+        share = 100.0 * beside / inside
+        lines.append(f"| {name} | {60.0 / (inside + beside):.0f} | {inside:.3f} | {beside:.3f} | {share:.1f} % |")
+        print(lines[-1], file=sys.stderr, flush=True)
+    return lines
+
+
+def measure(scene):
+    """Render into a folder that is thrown away; the report."""
+    from frametwin.blender.render import render_scene
+
+    with tempfile.TemporaryDirectory() as folder:
+        return render_scene(scene, folder)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frame", type=Path, help="any frame file that frametwin reads")
+    parser.add_argument("--views", type=int, default=8, help="views of masks and passes")
+    parser.add_argument("--photo-views", type=int, default=1, help="views of photos, half a minute each")
+    arguments = parser.parse_args()
+    print("\n".join(render_benchmark(arguments.frame, arguments.views, arguments.photo_views)))
+
+
+if __name__ == "__main__":
+    main()
