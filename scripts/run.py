@@ -19,13 +19,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 OLDEST, NEWEST = (3, 11), (3, 13)
+BLENDER_PYTHONS = {(3, 11): "Blender 4.5 LTS", (3, 13): "Blender 5.2 LTS"}
+"""Which Blender there is as a module for which Python; each of its releases belongs to one."""
 STAMP = "frametwin-setup.json"
+OTHER_TESTS = ("tests/blender",)
 CPU_INDEX = "https://download.pytorch.org/whl/cpu"
 BLENDER_PACKAGES = ("libxrender1", "libxfixes3", "libxi6", "libxkbcommon0", "libsm6", "libgl1", "libegl1")
 
 TASKS = {
-    "demo": "run a frame of the project through simulate, fit and evaluate, into out/demo",
-    "test": "lint, then the tests",
+    "demo": "run a frame of the project through simulation, pictures, fit and evaluation, into out/demo",
+    "test": "lint, then all tests, those of Blender's part once more with its other generation",
     "lint": "ruff check and ruff format --check",
     "setup": "only make the virtual environment and install",
 }
@@ -42,7 +45,10 @@ def main(arguments: list[str]) -> int:
     try:
         venv = Path(os.environ.get("FRAMETWIN_VENV") or ROOT / ".venv").absolute()
         python = set_up(venv, {"test", "blender"} if options.blender else {"test"}, options.torch_index)
-        return run_task(options.task, python, extra)
+        code = run_task(options.task, python, extra)
+        if options.task == "test" and options.blender:
+            code = test_other_blender(venv, python, extra, options.both_blenders) or code
+        return code
     except SetupError as error:
         print(f"\nFrameTwin cannot be set up: {error}", file=sys.stderr)
         return 1
@@ -67,7 +73,14 @@ def parser() -> argparse.ArgumentParser:
         metavar="URL",
         help=f"also look for PyTorch here, e.g. {CPU_INDEX} for the small CPU build",
     )
-    result.add_argument("--blender", action="store_true", help="also install Blender as a Python module (bpy)")
+    result.add_argument(
+        "--no-blender", dest="blender", action="store_false", help="do without Blender as a Python module (bpy)"
+    )
+    result.add_argument(
+        "--both-blenders",
+        action="store_true",
+        help="of test: fail where the Python of Blender's other generation is missing, in place of leaving it out",
+    )
     return result
 
 
@@ -135,23 +148,17 @@ def set_up(venv: Path, extras: set[str], torch_index: str | None) -> Path:
     python = make_venv(venv)
     stamp = venv / STAMP
     version = output([python, "-c", "import sys; print(sys.version)"]).strip()
+    if "blender" in extras and not has_blender(version):
+        say("Without Blender: its module needs Python 3.11 (Blender 4.5) or 3.13 (Blender 5.2)")
+        extras = extras - {"blender"}
     key, done = fingerprint(ROOT, version), read_stamp(stamp)
     if done.get("key") == key and extras <= set(done.get("extras", [])):
         return python
     extras = extras | set(done.get("extras", []))
     if "blender" in extras:
-        check_blender(version)
+        check_blender()
     stamp.unlink(missing_ok=True)
-    pip = [
-        python,
-        "-m",
-        "pip",
-        "install",
-        "--disable-pip-version-check",
-        "--no-input",
-        "-c",
-        "constraints.txt",
-    ]
+    pip = pip_install(python)
     torch = pinned("torch", (ROOT / "constraints.txt").read_text(encoding="utf-8"))
     say(f"Installing {torch}")
     if torch_index is None and sys.platform == "linux":
@@ -162,6 +169,12 @@ def set_up(venv: Path, extras: set[str], torch_index: str | None) -> Path:
     install([*pip, "-e", f".[{','.join(sorted(extras))}]"], "FrameTwin")
     stamp.write_text(json.dumps({"key": key, "extras": sorted(extras)}) + "\n", encoding="utf-8")
     return python
+
+
+def pip_install(python: Path) -> list:
+    """The beginning of a command that installs something, in the versions of the constraints."""
+    quiet = ["--disable-pip-version-check", "--no-input", "--progress-bar", "off"]
+    return [python, "-m", "pip", "install", *quiet, "-c", "constraints.txt"]
 
 
 def fingerprint(root: Path, python_version: str) -> str:
@@ -203,14 +216,19 @@ def install(command: list, what: str) -> None:
 # --- Packages of Debian and Ubuntu
 
 
-def check_blender(python_version: str) -> None:
-    """Make sure that Blender's module can be installed and loaded here."""
-    if python_version.startswith("3.12."):
-        raise SetupError("Blender's module needs Python 3.11 (Blender 4.5) or 3.13 (Blender 5.2), not 3.12.")
+def has_blender(python_version: str) -> bool:
+    """Whether there is a Blender for this Python, given as ``3.11.7 ...``."""
+    return tuple(int(part) for part in python_version.split(".")[:2]) in BLENDER_PYTHONS
+
+
+def check_blender() -> None:
+    """Make sure that what Blender's module needs of the system is there."""
     if sys.platform == "linux" and shutil.which("dpkg-query"):
         missing = [name for name in BLENDER_PACKAGES if not has_debian_package(name)]
         if missing:
-            install_debian_packages(missing, "Blender's module needs system libraries")
+            install_debian_packages(
+                missing, "Blender's module needs system libraries (or leave it out by --no-blender)"
+            )
 
 
 def has_debian_package(name: str) -> bool:
@@ -237,6 +255,62 @@ def install_debian_packages(packages: list[str], reason: str) -> None:
     call(["apt-get", "update"], quiet)  # an index that cannot be reached need not be the one that is needed
     if call(["apt-get", "install", "-y", "--no-install-recommends", *packages], quiet) != 0:
         raise SetupError(f"{reason}, and apt-get could not install {names}; the reason is above.")
+
+
+# --- Blender's other generation
+
+
+def test_other_blender(venv: Path, python: Path, extra: list[str], required: bool) -> int:
+    """Run the tests of Blender's part with the other generation, beside numpy alone as inside of a real Blender.
+
+    Parameters
+    ----------
+    venv, python
+        The project's environment, in which the worker processes of those tests run.
+    extra
+        Arguments for pytest.
+    required
+        Whether a missing Python is an error.
+    """
+    version = tuple(json.loads(output([python, "-c", "import json, sys; print(json.dumps(sys.version_info[:2]))"])))
+    others = [other for other in BLENDER_PYTHONS if other != version]
+    if version not in BLENDER_PYTHONS:
+        return 0
+    name = f"{others[0][0]}.{others[0][1]}"
+    base = find_python_of(others[0])
+    if base is None:
+        sentence = f"{BLENDER_PYTHONS[others[0]]} needs Python {name}, which is not installed here"
+        if required:
+            raise SetupError(f"{sentence}. Install it, or leave out --both-blenders.")
+        say(f"Tests left out: {sentence}")
+        return 0
+    other = venv.with_name(f"{venv.name}-blender-{name}")
+    inner = venv_python(other)
+    if not (inner.exists() and succeeds([inner, "-c", "import bpy, pytest"])):
+        say(f"Making {other} for {BLENDER_PYTHONS[others[0]]}")
+        if call([base, "-m", "venv", "--clear", other]) != 0:
+            raise SetupError(f"the virtual environment {other} could not be made; the reason is above.")
+        install([*pip_install(inner), "bpy", "pytest"], "Blender's module")
+    say(f"pytest {' '.join([*OTHER_TESTS, *extra])} ({BLENDER_PYTHONS[others[0]]})")
+    environment = {**os.environ, "FRAMETWIN_PYTHON": str(python), "PYTHONPATH": str(ROOT)}
+    code = call([inner, "-m", "pytest", "-p", "no:cacheprovider", *OTHER_TESTS, *extra], environment)
+    return 0 if code == 5 and extra else code  # 5: what was asked for by name is not among these tests
+
+
+def find_python_of(version: tuple[int, int]) -> str | None:
+    """An interpreter of this version: on the PATH, or where pyenv or uv keep theirs."""
+    name = f"python{version[0]}.{version[1]}"
+    home = Path.home()
+    kept = [
+        *Path(os.environ.get("PYENV_ROOT") or home / ".pyenv").glob(f"versions/{version[0]}.{version[1]}.*/bin/python"),
+        *home.glob(f".local/share/uv/python/cpython-{version[0]}.{version[1]}.*/bin/{name}"),
+    ]
+    for candidate in [shutil.which(name), *map(str, sorted(kept))]:
+        if candidate and succeeds(
+            [candidate, "-c", f"import sys, venv, ensurepip; sys.version_info[:2] == {version} or 1/0"]
+        ):
+            return candidate
+    return None
 
 
 # --- Tasks

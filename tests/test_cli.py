@@ -37,8 +37,15 @@ def test_help_lists_all_commands_with_what_they_do() -> None:
 def test_every_command_teaches(name: str) -> None:
     text = done(name, "--help").stdout
     assert text.startswith(f"Usage: frametwin {name} ") and f"frametwin {name} " in text[20:]
-    assert "--json" in text and "mm" in text or name in ("fit", "info")
+    assert "--json" in text and "mm" in text or name in ("fit", "info", "dataset")
     assert done(name, "-h").stdout == text
+
+
+@pytest.mark.parametrize("name", ["generate", "validate", "fit", "view", "export"])
+def test_every_command_for_datasets_teaches(name: str) -> None:
+    text = done("dataset", name, "--help").stdout
+    assert text.startswith(f"Usage: frametwin dataset {name} ") and f"frametwin dataset {name} " in text[30:]
+    assert "--json" in text and name in done("dataset", "--help").stdout
 
 
 def test_help_needs_nothing_heavy() -> None:

@@ -11,19 +11,20 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-HEAVY = ("OpenEXR", "Pynite", "bpy", "cv2", "matplotlib", "networkx", "numba", "rich", "safetensors", "scipy")
-HEAVY += ("torch", "trimesh")
+HEAVY = ("OpenEXR", "Pynite", "bpy", "cv2", "distributed", "filelock", "matplotlib", "networkx", "numba", "pydantic")
+HEAVY += ("rich", "safetensors", "scipy", "torch", "trimesh")
 ADAPTERS = ("frametwin/blender", "addon")  # run inside of Blender, beside its own numpy
 
 
 def light_files() -> list[Path]:
-    """The light modules as the lint configuration names them, so that there is one list only."""
+    """The light modules as the lint configuration names them, so that there is one list only; not Blender's own."""
     config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     ignores = config["tool"]["ruff"]["lint"]["per-file-ignores"]
     (pattern,) = (key for key, rules in ignores.items() if key.startswith("!") and rules == ["TID253"])
     inner = re.fullmatch(r"!frametwin/\{(.*)\}\.py", pattern)
     assert inner is not None, "the pattern of the light modules has another form now"
-    return sorted(path for name in inner[1].split(",") for path in ROOT.glob(f"frametwin/{name}.py"))
+    names = [name for name in inner[1].split(",") if not name.startswith("blender/")]
+    return sorted(path for name in names for path in ROOT.glob(f"frametwin/{name}.py"))
 
 
 def module_name(path: Path) -> str:

@@ -28,7 +28,7 @@ def run() -> ModuleType:
 def test_arguments_after_two_dashes_go_to_the_task(run: ModuleType) -> None:
     assert run.split_arguments(["test"]) == (["test"], [])
     assert run.split_arguments(["test", "--", "-k", "a", "--", "b"]) == (["test"], ["-k", "a", "--", "b"])
-    assert run.split_arguments(["test", "--blender", "--"]) == (["test", "--blender"], [])
+    assert run.split_arguments(["test", "--no-blender", "--"]) == (["test", "--no-blender"], [])
 
 
 def test_tasks_are_lint_and_tests_and_the_demo(run: ModuleType) -> None:
@@ -156,9 +156,50 @@ def test_missing_debian_packages_are_named_to_those_who_may_not_install_them(
         run.install_debian_packages(["libgl1"], "no libraries")
 
 
-def test_blender_has_no_module_for_python_3_12(run: ModuleType) -> None:
-    with pytest.raises(run.SetupError, match=r"3\.11 .*3\.13 .*not 3\.12"):
-        run.check_blender("3.12.1 (main)")
+def test_python_3_12_does_without_blender(
+    run: ModuleType, recorded: list[list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert [run.has_blender(f"3.{minor}.1 (main)") for minor in (11, 12, 13, 14)] == [True, False, True, False]
+    monkeypatch.setattr(run, "output", lambda command: "3.12.1 (main)")
+    run.set_up(tmp_path, {"test", "blender"}, None)
+    assert recorded[-1][-1] == ".[test]"
+
+
+@pytest.mark.parametrize(("mine", "other"), [((3, 11), "3.13"), ((3, 13), "3.11")])
+def test_blenders_part_is_tested_with_the_other_generation_too(
+    run: ModuleType,
+    recorded: list[list[str]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    mine: tuple[int, int],
+    other: str,
+) -> None:
+    monkeypatch.setattr(run, "output", lambda command: json.dumps(mine))
+    monkeypatch.setattr(run, "find_python_of", lambda version: f"python{version[0]}.{version[1]}")
+    assert run.test_other_blender(tmp_path / ".venv", Path(sys.executable), ["-x"], required=True) == 0
+    environment = tmp_path / f".venv-blender-{other}"
+    assert recorded[0] == [f"python{other}", "-m", "venv", "--clear", str(environment)]
+    assert recorded[1][-2:] == ["bpy", "pytest"] and "constraints.txt" in recorded[1]
+    assert recorded[2][0] == str(run.venv_python(environment)) and recorded[2][-2:] == ["tests/blender", "-x"]
+
+
+def test_a_missing_python_is_an_error_only_where_it_is_required(
+    run: ModuleType, recorded: list[list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(run, "output", lambda command: "[3, 11]")
+    monkeypatch.setattr(run, "find_python_of", lambda version: None)
+    assert run.test_other_blender(tmp_path / ".venv", Path(sys.executable), [], required=False) == 0
+    with pytest.raises(run.SetupError, match=r"Blender 5\.2 LTS needs Python 3\.13"):
+        run.test_other_blender(tmp_path / ".venv", Path(sys.executable), [], required=True)
+    assert recorded == []
+
+
+def test_an_interpreter_of_a_version_is_found_or_not_at_all(run: ModuleType) -> None:
+    mine = sys.version_info[:2]
+    found = run.find_python_of(mine)
+    if found is not None:  # the one that runs the tests may be out of its sight
+        assert run.output([found, "-c", "import sys; print(sys.version_info[:2])"]).strip() == str(tuple(mine))
+    assert run.find_python_of((3, 99)) is None
 
 
 def test_unknown_tasks_end_with_the_usage() -> None:

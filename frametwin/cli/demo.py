@@ -22,7 +22,7 @@ from frametwin.cli.common import (
 )
 from frametwin.cli.display import Display
 from frametwin.cli.evaluate import describe_detection, error_rows
-from frametwin.cli.fit import PRESETS, summary, summary_facts
+from frametwin.cli.fit import PRESETS, summary_facts
 from frametwin.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,11 +59,18 @@ CONTENT = frozenset({MARK, "capture", "run", "views.png"})
     "--missing", type=click.IntRange(0), default=0, show_default=True, help="Number of struts that broke off."
 )
 @click.option("--preset", type=click.Choice(PRESETS), default="fast", show_default=True, help="See fit --help.")
+@click.option(
+    "--renderer",
+    type=click.Choice(["auto", "blender", "library"]),
+    default="auto",
+    show_default=True,
+    help="Who takes the pictures: Blender where its module is installed, or the library's own exact silhouettes.",
+)
 @overwrite_option("the folder, whatever is in it,")
 @quiet_option
 @json_option
 def command(**options: Any) -> None:
-    """Let a frame sag, take its pictures, find it in them again, and compare with the truth.
+    """Let a frame sag, render it from all sides, find it in the pictures again, and compare with the truth.
 
     The table shows how far the plan was from the truth, and how far the twin is: between the curves, at the
     joints, and at equal parameter (see frametwin evaluate --help), in mm.
@@ -94,6 +101,7 @@ class DemoOptions:
     size: tuple[int, int]
     missing: int
     preset: str
+    renderer: str
     overwrite: bool
     quiet: bool
     as_json: bool
@@ -110,12 +118,22 @@ def _demo(options: DemoOptions) -> None:
     from frametwin.simulate import SimulationSettings
 
     settings = SimulationSettings(views=options.views, size=options.size, seed=options.seed, missing=options.missing)
+    blender = _takes_blender(options.renderer)
     with Display(options.quiet) as display, staged_directory(out, overwrite=replace) as stage:
-        done = run_demo(plan, settings, options.preset, stage, display)
+        done = run_demo(plan, settings, options.preset, stage, display, blender)
     if options.as_json:
         print_json({"out": out, **done.as_dict()})
     else:
         _tell(out, done)
+
+
+def _takes_blender(renderer: str) -> bool:
+    from frametwin.rendering import blender_is_here
+
+    if renderer == "blender" and not blender_is_here():
+        remedy = "install it by 'python3 scripts/run.py setup', or take another renderer"
+        raise InputError.at("--renderer", renderer, "Blender's module bpy is not installed", remedy)
+    return renderer == "blender" or (renderer == "auto" and blender_is_here())
 
 
 def _tell(out: Path, done: Done) -> None:
@@ -142,13 +160,17 @@ class Done:
     before: Errors
     after: Errors
     detection: Detection | None
+    renderer: str
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""
+        from frametwin.runs import fit_summary
+
         found = {} if self.detection is None else {"missing_struts": self.detection.as_dict()}
         return {
-            **summary(self.result.twin, self.simulation.frame),
+            **fit_summary(self.result.twin, self.simulation.frame),
             "unit": "mm",
+            "renderer": self.renderer,
             "largest_displacement": self.simulation.peak,
             "plan": self.before.summary(),
             "twin": self.after.summary(),
@@ -157,13 +179,17 @@ class Done:
 
     def facts(self) -> list[tuple[str, str]]:
         """For people."""
-        data = summary(self.result.twin, self.simulation.frame)
+        from frametwin.runs import fit_summary
+
+        data = fit_summary(self.result.twin, self.simulation.frame)
         sag = ("largest displacement", f"{self.simulation.peak:.4g} mm")
-        return [*summary_facts(data, len(self.simulation.cameras)), sag]
+        return [*summary_facts(data, len(self.simulation.cameras)), ("pictures by", self.renderer), sag]
 
 
-def run_demo(plan: Wireframe, settings: SimulationSettings, preset: str, folder: Path, display: Display) -> Done:
-    """Simulate, fit, evaluate and draw into ``folder``."""
+def run_demo(
+    plan: Wireframe, settings: SimulationSettings, preset: str, folder: Path, display: Display, blender: bool = False
+) -> Done:
+    """Simulate, take pictures (with ``blender``: by Blender), fit, evaluate and draw into ``folder``."""
     from frametwin.capture import read_capture
     from frametwin.evaluate import evaluate
     from frametwin.files import write_json
@@ -172,6 +198,9 @@ def run_demo(plan: Wireframe, settings: SimulationSettings, preset: str, folder:
     from frametwin.simulate import simulate, write_simulation
 
     simulation = simulate(plan, settings, display)
+    renderer = "the library's own silhouettes"
+    if blender:
+        simulation, renderer = _rendered(simulation, display)
     write_simulation(folder / "capture", simulation)
     capture = read_capture(folder / "capture")
     result = fit_capture(capture, preset, seed=settings.seed, callback=display)
@@ -182,11 +211,31 @@ def run_demo(plan: Wireframe, settings: SimulationSettings, preset: str, folder:
     detection = None
     if settings.missing:
         detection = Detection.of(missing_struts(result.twin, frame.printed), present, frame.printed)
-    done = Done(simulation, result, before, after, detection)
+    done = Done(simulation, result, before, after, detection, renderer)
     _draw(folder / "views.png", capture, done, display)
     notes = {"format": "frametwin-demo", "version": 1, "frametwin": __version__, "preset": preset}
     write_json(folder / MARK, {**notes, **done.as_dict()})
     return done
+
+
+def _rendered(simulation: Simulation, display: Display) -> tuple[Simulation, str]:
+    """The simulation with masks by Blender, and Blender's name."""
+    import tempfile
+    from dataclasses import replace
+
+    import numpy as np
+
+    from frametwin.png import decode_png
+    from frametwin.rendering import render_in_child
+    from frametwin.scene import Scene
+
+    thickness = np.repeat(simulation.truth.radius[:, None], 2, axis=1)
+    scene = Scene(simulation.truth, simulation.present, thickness, simulation.cameras)
+    with tempfile.TemporaryDirectory(prefix="frametwin-") as folder:
+        rendered = render_in_child(scene, Path(folder), display)
+        images = [decode_png((Path(folder) / "images" / f"{c.name}.png").read_bytes()) for c in simulation.cameras]
+    name = f"Blender {rendered['blender']} ({rendered['engine']})"
+    return replace(simulation, images=images), name
 
 
 def _draw(path: Path, capture: Capture, done: Done, display: Display) -> None:

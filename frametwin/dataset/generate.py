@@ -1,0 +1,306 @@
+"""Making the samples of a dataset: here, in child processes that are renewed, and on a Dask cluster."""
+
+from __future__ import annotations
+
+import atexit
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from frametwin.dataset.farm import run_tasks
+from frametwin.dataset.run import SCENE_FILE, Busy, DatasetRun, opened
+from frametwin.errors import Cancelled, FrameTwinError, InputError
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.rendering import blender_is_here, render
+from frametwin.worker.client import WorkerClient
+
+PER_PROCESS = 25
+"""Samples that one process makes before a fresh one takes over: Blender's memory grows with every scene."""
+
+
+@dataclass(frozen=True)
+class GenerateSettings:
+    """How a dataset is made; what is in it does not depend on this.
+
+    Attributes
+    ----------
+    seed, count : in place of the recipe's own.
+    shard : ``(i, n)``: only every n-th sample, beginning with the i-th, i from 1.
+    workers : processes on this machine.
+    scheduler : address of a Dask scheduler that exists, whose workers do the work then.
+    per_process : samples that one process makes before a fresh one takes over.
+    """
+
+    seed: int | None = None
+    count: int | None = None
+    shard: tuple[int, int] = (1, 1)
+    workers: int = 1
+    scheduler: str | None = None
+    per_process: int = PER_PROCESS
+
+    def __post_init__(self) -> None:
+        rules = (
+            ("seed", self.seed is None or self.seed >= 0, "give a whole number from 0 up"),
+            ("count", self.count is None or self.count >= 1, "give a whole number from 1 up"),
+            ("shard", 1 <= self.shard[0] <= self.shard[1], "give i/n with i from 1 to n, as 2/3"),
+            ("workers", 1 <= self.workers <= 1024, "give a whole number from 1 to 1024"),
+            ("per_process", self.per_process >= 1, "give a whole number from 1 up"),
+        )
+        for name, fine, remedy in rules:
+            if not fine:
+                raise InputError.at("settings", name, f"is {getattr(self, name)!r}", remedy)
+
+
+@dataclass
+class Report:
+    """What a run did. All but ``damaged`` and ``failed`` are rising indices; those give reasons by index.
+
+    Attributes
+    ----------
+    made : samples that are new.
+    kept : those that were there, whole.
+    damaged : those that were there but not as they should be, and were made again.
+    failed : those that could not be made.
+    busy : those that another run was making at the same time.
+    seconds : how long it took.
+    """
+
+    made: list[int] = field(default_factory=list)
+    kept: list[int] = field(default_factory=list)
+    damaged: dict[int, str] = field(default_factory=dict)
+    failed: dict[int, str] = field(default_factory=dict)
+    busy: list[int] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Task:
+    """One sample, for a process that knows nothing else of the run."""
+
+    recipe: str
+    out: str
+    seed: int | None
+    count: int | None
+    digest: str
+    index: int
+    per_process: int
+
+
+def generate(
+    recipe: Path,
+    out: Path,
+    settings: GenerateSettings | None = None,
+    progress: ProgressCallback | None = None,
+) -> Report:
+    """Make the samples of a recipe that are missing or damaged.
+
+    Parameters
+    ----------
+    recipe
+        Its file.
+    out
+        The dataset's folder; a run that was cut off there is gone on with.
+    settings
+        See `GenerateSettings`.
+    progress
+        Told of every sample, and with one process of every step.
+
+    Returns
+    -------
+    What was made, kept, and what failed. A sample that fails does not stop the others.
+
+    Raises
+    ------
+    InputError
+        If recipe, folder or settings cannot be used.
+    Cancelled
+        If ``progress`` returns ``False``. Samples that are done stay.
+    """
+    settings = GenerateSettings() if settings is None else settings
+    began = perf_counter()
+    run = DatasetRun(recipe, out, settings.seed, settings.count)
+    if run.recipe.needs_blender and settings.scheduler is None:
+        require_blender(Path(recipe))
+    run.open()
+    result = Report()
+    wanted = _wanted(run, settings, result, progress)
+    tasks = [
+        Task(str(run.source.path.absolute()), str(run.out), settings.seed, settings.count, run.source.digest, i,
+             settings.per_process)
+        for i in wanted
+    ]  # fmt: skip
+    alone = settings.scheduler is None and settings.workers == 1
+    shown = _Steps(progress, len(tasks)) if alone else None
+    function: Callable[[Task], str] = make_sample if shown is None else lambda task: make_sample(task, shown)
+    done = 0
+    try:
+        report(progress, Progress("samples", 0, len(tasks)))
+        for task, outcome in run_tasks(function, tasks, settings.workers, settings.scheduler):
+            done += 1
+            if shown is not None:
+                shown.done = done
+            # First of all: an interrupt reaches the child too, and what that makes of it is no failure of the sample.
+            report(progress, Progress("samples", done, len(tasks)))
+            _sort_in(result, task.index, outcome)
+    finally:
+        close_child()
+        run.note(sorted(result.failed.items()))
+    result.made.sort()
+    result.seconds = perf_counter() - began
+    return result
+
+
+def require_blender(recipe: Path) -> None:
+    """Refuse a recipe that needs Blender where its module is not installed.
+
+    Raises
+    ------
+    InputError
+        With the remedies.
+    """
+    if not blender_is_here():
+        problem = "needs Blender, whose Python module bpy is not installed here"
+        remedy = (
+            "install it (python3 scripts/run.py setup), run scripts/generate_dataset.py in a Blender,"
+            " or take style = 'silhouette'"
+        )
+        raise InputError.at(recipe, "render.style", problem, remedy)
+
+
+def _wanted(
+    run: DatasetRun, settings: GenerateSettings, result: Report, progress: ProgressCallback | None
+) -> list[int]:
+    """Indices that have to be made; what is there already is noted in ``result``."""
+    wanted = []
+    indices = run.indices(settings.shard)
+    for i, index in enumerate(indices):
+        faults = run.faults(index)
+        if not faults:
+            result.kept.append(index)
+        else:
+            wanted.append(index)
+            if run.folder(index).exists():
+                result.damaged[index] = faults[0]
+        report(progress, Progress("checking samples", i + 1, len(indices)))
+    return wanted
+
+
+def _sort_in(result: Report, index: int, outcome: str | Exception) -> None:
+    if isinstance(outcome, Cancelled):
+        raise outcome
+    if isinstance(outcome, Busy):
+        result.busy.append(index)
+    elif isinstance(outcome, Exception):
+        result.failed[index] = str(outcome)
+    else:
+        result.made.append(index)
+
+
+class _Steps:
+    """Shows the steps of single samples, where they are made one after the other."""
+
+    def __init__(self, progress: ProgressCallback | None, total: int) -> None:
+        self.progress, self.total, self.done = progress, total, 0
+
+    def __call__(self, step: Progress) -> bool | None:
+        if self.progress is None:
+            return None
+        stage = f"sample {self.done + 1} of {self.total}: {step.stage}"
+        return self.progress(Progress(stage, step.iteration, step.total))
+
+
+# --- One sample, in a child process of whoever calls
+
+
+@dataclass
+class _Child:
+    client: WorkerClient
+    samples: int = 0
+
+
+_child: _Child | None = None
+
+
+def make_sample(task: Task, progress: ProgressCallback | None = None) -> str:
+    """Make one sample in a process of its own kind, which lives for several samples.
+
+    Returns
+    -------
+    The hash of its content.
+
+    Raises
+    ------
+    Busy
+        If another run is making it.
+    FrameTwinError
+        With the reason, if it fails; a Blender that crashes is one.
+    """
+    global _child
+    if _child is not None and (_child.samples >= task.per_process or not _child.client.alive):
+        close_child()
+    if _child is None:
+        _child = _Child(WorkerClient(sys.executable))
+        _child.client.start()
+    _child.samples += 1
+    parameters = {
+        "recipe": task.recipe,
+        "out": task.out,
+        "seed": task.seed,
+        "count": task.count,
+        "digest": task.digest,
+        "index": task.index,
+    }
+    try:
+        result = _child.client.call("dataset-sample", parameters, progress)
+    except BaseException:
+        close_child()  # whatever it was, a fresh process owes nothing to it
+        raise
+    if result["busy"]:
+        raise Busy(result["busy"])
+    return str(result["content"])
+
+
+def close_child() -> None:
+    """End the child process, if there is one."""
+    global _child
+    child, _child = _child, None
+    if child is not None:
+        child.client.close()
+
+
+atexit.register(close_child)
+
+
+def sample_here(task: Task, progress: ProgressCallback | None = None) -> str:
+    """Make one sample in this very process; what the child does.
+
+    Raises
+    ------
+    Busy, FrameTwinError
+        As `make_sample`.
+    """
+    run = opened(task.recipe, task.out, task.seed, task.count, task.digest)
+    with run.claim(task.index):
+        try:
+            blend = run.sampler.blend_file(run.sampler.specification(task.index))
+            shapes = None if blend is None else _read_blend(run, task.index, blend)
+            stage = run.prepare(task.index, shapes, progress)
+            made_with: dict[str, Any] = {}
+            if (stage / SCENE_FILE).exists():
+                made_with = render(stage / SCENE_FILE, stage, progress)
+            return run.finish(task.index, made_with)
+        except BaseException:
+            run.give_up(task.index)
+            raise
+
+
+def _read_blend(run: DatasetRun, index: int, path: Path) -> Any:
+    from frametwin.blender.plans import read_blend
+
+    values = run.sampler.specification(index).deformation
+    if values.object is None:
+        raise FrameTwinError(f"sample {index} names no object of {path}")
+    return read_blend(path, values.object, values.timeline_frame)

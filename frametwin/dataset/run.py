@@ -1,0 +1,287 @@
+"""One dataset folder as it is being made: which samples there are, and how one becomes part of it.
+
+A sample is made in three steps, so that a Blender without the project's libraries can do the one in the middle:
+`prepare` writes all but the pictures into a folder of its own, Blender renders into that, and `finish` hashes and
+renames it. Whoever makes a sample holds its lock, and a lock dies with its process: nothing is left locked by a kill.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from frametwin import __version__
+from frametwin.capture import write_description
+from frametwin.curve_truth import curve_truth, write_curves
+from frametwin.dataset import folder as folders
+from frametwin.dataset.croissant import write_croissant
+from frametwin.dataset.prints import Print, make_print
+from frametwin.dataset.recipe import FORMAT, LIBRARY_RENDERER, RecipeFile, read_recipe
+from frametwin.dataset.specification import Sampler, Specification
+from frametwin.errors import FrameTwinError, InputError
+from frametwin.files import PathLike, read_json, swap_in, write_bytes
+from frametwin.formats import defects_json
+from frametwin.image_files import write_png
+from frametwin.progress import ProgressCallback
+from frametwin.raster.silhouette import silhouettes
+from frametwin.scene import PhotoLook, Scene, write_scene
+from frametwin.simulate import NOTES_FILE
+from frametwin.wireframe import Wireframe
+
+SCENE_FILE = "scene.json"
+LOCKS = ".locks"
+
+
+class Busy(FrameTwinError):
+    """Another process is making the sample."""
+
+
+class DatasetRun:
+    """The folder of a dataset and the recipe that fills it.
+
+    Parameters
+    ----------
+    recipe
+        Its file.
+    out
+        The folder.
+    seed, count
+        In place of the recipe's own.
+
+    Raises
+    ------
+    InputError
+        If the recipe, or a file that it names, cannot be used.
+    """
+
+    def __init__(self, recipe: PathLike, out: PathLike, seed: int | None = None, count: int | None = None) -> None:
+        self.source: RecipeFile = read_recipe(recipe)
+        self.recipe = self.source.recipe
+        self.out = Path(out).absolute()
+        self.sampler = Sampler(self.source, seed)
+        self.count = self.recipe.count if count is None else count
+
+    @property
+    def seed(self) -> int:
+        """Of the dataset."""
+        return self.sampler.seed
+
+    def open(self) -> None:
+        """Make the folder, or make sure that what is in it belongs to the same recipe and seed.
+
+        Raises
+        ------
+        InputError
+            If the folder holds something else, or cannot be written.
+        """
+        file = self.out / folders.DATASET_FILE
+        if file.exists():
+            known = folders.read_dataset(self.out)
+            same = known.seed == self.seed and known.recipe == self.recipe.model_dump(mode="json") | {
+                "count": known.recipe.get("count")
+            }
+            if not same:
+                what = "recipe" if known.seed == self.seed else "seed"
+                remedy = "choose another --out, or take the recipe and seed that it was begun with"
+                raise InputError.at(self.out, "--out", f"holds samples of another {what}", remedy)
+        elif self.out.exists() and (not self.out.is_dir() or any(self.out.iterdir())):
+            raise InputError.at(self.out, "--out", "holds something else", "choose another folder, or empty it")
+        try:
+            (self.out / folders.SAMPLES).mkdir(parents=True, exist_ok=True)
+            (self.out / LOCKS).mkdir(exist_ok=True)
+        except OSError as error:
+            remedy = "choose a place that is writable"
+            raise InputError.at(self.out, "--out", f"cannot be made ({error.strerror})", remedy) from error
+        write_bytes(self.out / "recipe.toml", self.source.path.read_bytes())
+        self.note()
+
+    def note(self, failed: Sequence[tuple[int, str]] = ()) -> None:
+        """Write what there is into ``dataset.json`` and ``croissant.json``.
+
+        What failed earlier and is still missing stays noted.
+        """
+        with FileLock(self.out / LOCKS / "dataset.lock"):
+            file = self.out / folders.DATASET_FILE
+            known = folders.read_dataset(self.out) if file.exists() else None
+            reasons = {} if known is None else {item.index: item.reason for item in known.failed}
+            reasons |= dict(failed)
+            folders.write_dataset_json(
+                self.out,
+                name=self.recipe.name,
+                description=self.recipe.description,
+                recipe=self.recipe.model_dump(mode="json"),
+                seed=self.seed,
+                count=self.count if known is None else max(self.count, known.count),
+                failed=reasons,
+            )
+            write_croissant(self.out)
+
+    def indices(self, shard: tuple[int, int] = (1, 1)) -> list[int]:
+        """Indices of the samples of one of ``n`` shards, ``(i, n)`` with i from 1."""
+        return list(range(shard[0] - 1, self.count, shard[1]))
+
+    def folder(self, index: int) -> Path:
+        """Where a sample is, once it is made."""
+        return self.out / folders.SAMPLES / folders.sample_name(index)
+
+    def faults(self, index: int) -> list[str]:
+        """What keeps a sample from being done, in words: it is missing, of another specification, or damaged."""
+        folder = self.folder(index)
+        if not folder.exists():
+            return ["is missing"]
+        try:
+            if folders.read_sample(folder).specification != self._notes(index):
+                return ["was made from other inputs"]
+        except InputError as error:
+            return [str(error)]
+        return folders.check_sample(folder)
+
+    def _notes(self, index: int) -> dict[str, Any]:
+        return self.sampler.specification(index).model_dump(mode="json")
+
+    @contextmanager
+    def claim(self, index: int) -> Iterator[None]:
+        """Be the only one who makes a sample.
+
+        Raises
+        ------
+        Busy
+            If another process is at it.
+        """
+        lock = FileLock(self.out / LOCKS / f"{folders.sample_name(index)}.lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout as error:
+            raise Busy(f"sample {index} is being made by another run") from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def stage(self, index: int) -> Path:
+        """The folder in which a sample grows; only the holder of its lock touches it."""
+        return self.out / folders.SAMPLES / f".{folders.sample_name(index)}.new.part"
+
+    def prepare(
+        self,
+        index: int,
+        shapes: tuple[Wireframe, Wireframe] | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> Path:
+        """Write everything of a sample that needs no Blender.
+
+        Parameters
+        ----------
+        index
+            Its number.
+        shapes
+            Plan and bent frame, for samples that come from a .blend file.
+        progress
+            Told of every step.
+
+        Returns
+        -------
+        The folder in which it grows. If there is a ``scene.json`` in it, that has to be rendered into it.
+        """
+        specification = self.sampler.specification(index)
+        plan, deformed = (self.sampler.plan(specification), None) if shapes is None else shapes
+        rig = self.sampler.rig_file
+        made = make_print(specification, plan, deformed, None if rig is None else rig[0], progress)
+        self.give_up(index)
+        stage = self.stage(index)
+        stage.mkdir()
+        notes = {
+            "format": "frametwin-simulation",
+            "version": 1,
+            "largest_displacement": made.peak,
+            "specification": specification.model_dump(mode="json"),
+        }
+        extra = {NOTES_FILE: notes}
+        defects = defects_json.to_dict(made.present, made.plan.printed)
+        if len(defects["struts"]):
+            extra[defects_json.FILE_NAME] = defects
+        cameras = write_description(stage, made.plan, made.cameras, made.truth, extra, name=self.folder(index))
+        write_curves(stage / "curves.npz", curve_truth(made.truth, made.present, made.thickness, cameras))
+        scene = _scene(specification, made, cameras)
+        if specification.render.style == LIBRARY_RENDERER:
+            _draw(stage, scene, progress)
+        else:
+            write_scene(stage / SCENE_FILE, scene)
+        return stage
+
+    def finish(self, index: int, made_with: dict[str, Any] | None = None) -> str:
+        """Make a sample that has been rendered part of the dataset.
+
+        Returns
+        -------
+        The hash of its content.
+
+        Raises
+        ------
+        InputError
+            If pictures are missing.
+        """
+        stage = self.stage(index)
+        scene = stage / SCENE_FILE
+        scene.unlink(missing_ok=True)
+        missing = [
+            name
+            for view in read_json(stage / "transforms.json")["frames"]
+            if not (stage / (name := view["file_path"])).is_file()
+        ]
+        if missing:
+            raise InputError.at(self.folder(index), missing[0], "was not rendered", "see what Blender said, try again")
+        content = folders.write_sample_json(
+            stage, index, self._notes(index), {"frametwin": __version__, **(made_with or {})}
+        )
+        swap_in(stage, self.folder(index))
+        return content
+
+    def give_up(self, index: int) -> None:
+        """Remove what there is of a sample that failed or was cut off; a sample that was there before stays."""
+        for rest in (self.out / folders.SAMPLES).glob(f".{folders.sample_name(index)}.*part"):
+            shutil.rmtree(rest, ignore_errors=True)
+
+
+def _scene(specification: Specification, made: Print, cameras: Sequence[Any]) -> Scene:
+    render = specification.render
+    return Scene(
+        truth=made.truth,
+        present=made.present,
+        thickness=made.thickness,
+        cameras=tuple(cameras),
+        style="mask" if render.style == LIBRARY_RENDERER else render.style,
+        engine=render.engine,
+        passes=render.passes,
+        look=PhotoLook(**render.look),
+    )
+
+
+def _draw(stage: Path, scene: Scene, progress: ProgressCallback | None) -> None:
+    (stage / "images").mkdir()
+    pictures = silhouettes(
+        scene.truth, scene.cameras, present=scene.present, thickness=scene.thickness, progress=progress
+    )
+    for camera, picture in zip(scene.cameras, pictures, strict=True):
+        write_png(stage / "images" / f"{camera.name}.png", picture)
+
+
+@lru_cache(maxsize=4)
+def opened(recipe: str, out: str, seed: int | None, count: int | None, digest: str | None) -> DatasetRun:
+    """A run that is opened once a process.
+
+    Raises
+    ------
+    InputError
+        If the recipe is not the one (by `RecipeFile.digest`) that the run was begun with.
+    """
+    run = DatasetRun(recipe, out, seed, count)
+    if digest is not None and run.source.digest != digest:
+        raise InputError.at(recipe, "file", f"has been changed during the run ({FORMAT})", "start the run again")
+    return run

@@ -1,0 +1,207 @@
+"""Make a dataset inside of a Blender, whose Python needs nothing but its own numpy.
+
+    blender --background --python scripts/generate_dataset.py -- datasets/demo.toml --out out/demo
+    python scripts/generate_dataset.py -- datasets/demo.toml --out out/demo          (with Blender's module bpy)
+
+The samples are those that ``frametwin dataset generate`` makes. What needs the project's libraries (the sag, the exact
+truth, hashes) runs in a worker process of the project's own environment: name its Python by --python or by the
+environment variable FRAMETWIN_PYTHON, as .venv/bin/python after the set-up of the README.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project that this script belongs to
+    sys.path.insert(0, str(ROOT))
+
+from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
+from frametwin.progress import Progress  # noqa: E402
+from frametwin.worker.client import WorkerClient, find_python  # noqa: E402
+
+PAUSE = 2.0
+"""Seconds between two lines about one stage."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Make the samples that are missing; 0 if all are there, 1 if some failed, 2 for input that cannot be used."""
+    options = parser().parse_args(arguments)
+    try:
+        if options.samples is not None:
+            return make_samples(options)
+        return make_all(options)
+    except InputError as error:
+        say(str(error))
+        return 2
+    except (Cancelled, KeyboardInterrupt):
+        say("Interrupted.")
+        return 130
+    except FrameTwinError as error:
+        say(str(error))
+        return 1
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options, which follow ``--`` on Blender's command line."""
+    result = argparse.ArgumentParser(prog="generate_dataset.py", description=__doc__.split("\n\n")[0])
+    result.add_argument("recipe", type=Path)
+    result.add_argument("--out", type=Path, required=True, help="the dataset's folder")
+    result.add_argument("--count", type=int, help="number of samples [the recipe's]")
+    result.add_argument("--seed", type=int, help="of all that is drawn [the recipe's]")
+    result.add_argument("--shard", default="1/1", help="i/n: only every n-th sample, from the i-th on")
+    result.add_argument("--per-process", type=int, default=25, help="samples after which a fresh Blender takes over")
+    result.add_argument("--python", help="the Python of the project's environment [FRAMETWIN_PYTHON]")
+    result.add_argument("--samples", help=argparse.SUPPRESS)  # of one Blender: 3,4,5
+    return result
+
+
+def make_all(options: argparse.Namespace) -> int:
+    """Let one Blender after the other make some samples each."""
+    if options.per_process < 1:
+        raise InputError.at("settings", "--per-process", f"is {options.per_process}", "give a whole number from 1 up")
+    began = perf_counter()
+    failed: dict[int, str] = {}
+    with worker_of(options) as worker:
+        plan = worker.call("dataset-plan", request_of(options), Lines())
+        wanted = [int(index) for index in plan["wanted"]]
+        for index, reason in plan["damaged"].items():
+            say(f"Sample {index} will be made again: {reason}")
+        say(f"{plan['kept']} samples are there, {len(wanted)} are wanted")
+        left = list(wanted)
+        while left:
+            chunk, left = left[: options.per_process], left[options.per_process :]
+            left = run_blender(options, worker, chunk, failed) + left
+        worker.call("dataset-close", {"failed": {str(index): reason for index, reason in failed.items()}})
+    say(f"{len(wanted) - len(failed)} samples made in {perf_counter() - began:.1f} s")
+    for index, reason in sorted(failed.items()):
+        say(f"Sample {index} failed: {reason}")
+    return int(bool(failed))
+
+
+def run_blender(
+    options: argparse.Namespace, worker: WorkerClient, chunk: list[int], failed: dict[int, str]
+) -> list[int]:
+    """Start a Blender for some samples; returns those that it did not come to, since it crashed before."""
+    words = [str(options.recipe), "--out", str(options.out), "--samples", ",".join(map(str, chunk))]
+    for name in ("count", "seed", "python"):
+        if getattr(options, name) is not None:
+            words += [f"--{name}", str(getattr(options, name))]
+    blender = subprocess.run([*command_of_blender(), "--", *words], stdin=subprocess.DEVNULL, check=False)
+    if blender.returncode == 130:
+        raise Cancelled("interrupted")
+    if blender.returncode == 0:
+        return []
+    still = set(worker.call("dataset-plan", request_of(options))["wanted"])
+    told = worker.call("dataset-failures", {})["failed"]
+    missing = [index for index in chunk if index in still]
+    failed.update({index: told[str(index)] for index in missing if str(index) in told})
+    untold = [index for index in missing if str(index) not in told]
+    if untold:  # the first of them is what it crashed at
+        failed[untold[0]] = f"Blender ended with code {blender.returncode}; its last words are above"
+    return untold[1:]
+
+
+def command_of_blender() -> list[str]:
+    """How to start this script once more, in a fresh Blender of the same kind."""
+    import bpy
+
+    script = str(Path(__file__).resolve())
+    if not bpy.app.binary_path or bpy.app.module:
+        return [sys.executable, script]
+    blender = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
+    return [*blender, "--python", script]
+
+
+def make_samples(options: argparse.Namespace) -> int:
+    """Make the samples named by ``--samples`` in this very Blender."""
+    from frametwin.blender.render import render_scene
+    from frametwin.scene import read_scene
+
+    indices = [int(index) for index in options.samples.split(",")]
+    failed: dict[str, str] = {}
+    with worker_of(options) as worker:
+        worker.call("dataset-open", request_of(options))
+        for i, index in enumerate(indices):
+            show = Lines(f"sample {index} ({i + 1} of {len(indices)}): ")
+            try:
+                ready = worker.call("dataset-prepare", {"index": index, **shapes_of(worker, index)}, show)
+                if ready["busy"]:
+                    say(ready["busy"])
+                    continue
+                made_with = {}
+                if ready["scene"]:
+                    rendered = render_scene(read_scene(ready["scene"]), Path(ready["folder"]), show)
+                    made_with = {"blender": rendered.blender, "engine": rendered.engine}
+                worker.call("dataset-finish", {"index": index, "made_with": made_with})
+            except (Cancelled, KeyboardInterrupt):
+                raise
+            except FrameTwinError as error:
+                failed[str(index)] = str(error)
+                worker.call("dataset-give-up", {"index": index})
+        worker.call("dataset-close", {"failed": failed})
+    return int(bool(failed))
+
+
+def shapes_of(worker: WorkerClient, index: int) -> dict:
+    """Plan and bent frame of a sample that comes from a .blend file; nothing for the others."""
+    source = worker.call("dataset-source", {"index": index})
+    if source["file"] is None:
+        return {}
+    from frametwin.blender.plans import read_blend
+    from frametwin.formats import frame_json
+
+    plan, deformed = read_blend(Path(source["file"]), source["object"], source["timeline_frame"])
+    return {"plan": frame_json.to_dict(plan), "deformed": frame_json.to_dict(deformed)}
+
+
+def request_of(options: argparse.Namespace) -> dict:
+    """What the worker has to know of the run."""
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", options.shard)
+    if found is None:
+        raise InputError.at("settings", "--shard", f"is {options.shard!r}", "give i/n with i from 1 to n, as 2/3")
+    return {
+        "recipe": str(options.recipe.absolute()),
+        "out": str(options.out.absolute()),
+        "seed": options.seed,
+        "count": options.count,
+        "shard": [int(found[1]), int(found[2])],
+    }
+
+
+def worker_of(options: argparse.Namespace) -> WorkerClient:
+    """The worker process, to be used as a context manager."""
+    return WorkerClient(find_python(options.python))
+
+
+class Lines:
+    """Progress as lines of text: one when a stage begins, and one every few seconds."""
+
+    def __init__(self, prefix: str = "") -> None:
+        self.prefix, self.stage, self.shown = prefix, "", 0.0
+
+    def __call__(self, progress: Progress) -> None:
+        if progress.stage == self.stage and perf_counter() - self.shown < PAUSE:
+            return
+        self.stage, self.shown = progress.stage, perf_counter()
+        count = f" {progress.iteration}/{progress.total}" if progress.total else ""
+        say(f"{self.prefix}{progress.stage}{count}")
+
+
+def say(sentence: str) -> None:
+    """A line on standard error."""
+    print(sentence, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    code = main(given)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    sys.exit(code)
