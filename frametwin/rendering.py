@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ def render(scene: Path, folder: Path, progress: ProgressCallback | None = None) 
 
     Returns
     -------
-    ``blender``, its version, and ``engine``.
+    ``blender``, its version, ``engine``, and ``remarks`` on what was done otherwise than asked, if there are any.
 
     Raises
     ------
@@ -39,7 +40,12 @@ def render(scene: Path, folder: Path, progress: ProgressCallback | None = None) 
     from frametwin.blender.render import render_scene
 
     rendered = render_scene(read_scene(scene), folder, progress)
-    return {"blender": rendered.blender, "engine": rendered.engine}
+    return made_with(rendered.blender, rendered.engine, rendered.remarks)
+
+
+def made_with(blender: str, engine: str, remarks: Sequence[str] = ()) -> dict[str, Any]:
+    """What is noted of how pictures were made."""
+    return {"blender": blender, "engine": engine, **({"remarks": list(remarks)} if remarks else {})}
 
 
 def render_in_child(scene: Scene, folder: Path, progress: ProgressCallback | None = None) -> dict[str, Any]:

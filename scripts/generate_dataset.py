@@ -138,7 +138,8 @@ def make_samples(options: argparse.Namespace) -> int:
                 made_with = {}
                 if ready["scene"]:
                     rendered = render_scene(read_scene(ready["scene"]), Path(ready["folder"]), show)
-                    made_with = {"blender": rendered.blender, "engine": rendered.engine}
+                    notes = {"blender": rendered.blender, "engine": rendered.engine, "remarks": rendered.remarks}
+                    made_with = {name: value for name, value in notes.items() if value}
                 worker.call("dataset-finish", {"index": index, "made_with": made_with})
             except (Cancelled, KeyboardInterrupt):
                 raise

@@ -27,7 +27,7 @@ CPU_INDEX = "https://download.pytorch.org/whl/cpu"
 BLENDER_PACKAGES = ("libxrender1", "libxfixes3", "libxi6", "libxkbcommon0", "libsm6", "libgl1", "libegl1")
 
 TASKS = {
-    "demo": "run a frame of the project through simulation, pictures, fit and evaluation, into out/demo",
+    "demo": "run a frame of the project through simulation, pictures, fit and evaluation, into out/first",
     "test": "lint, then all tests, those of Blender's part once more with its other generation",
     "lint": "ruff check and ruff format --check",
     "setup": "only make the virtual environment and install",
@@ -320,7 +320,7 @@ def task_commands(task: str, extra: list[str]) -> list[list[str]]:
     """Modules to run one after the other, each with its arguments."""
     lint = [["ruff", "check", "."], ["ruff", "format", "--check", "."]]
     return {
-        "demo": [["frametwin", "demo", "--out", "out/demo", *extra]],
+        "demo": [["frametwin", "demo", "--out", "out/first", *extra]],
         "test": [*lint, ["pytest", *extra]],
         "lint": lint,
         "setup": [],

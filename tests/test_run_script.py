@@ -34,7 +34,7 @@ def test_arguments_after_two_dashes_go_to_the_task(run: ModuleType) -> None:
 def test_tasks_are_lint_and_tests_and_the_demo(run: ModuleType) -> None:
     assert [command[0] for command in run.task_commands("test", ["-x"])] == ["ruff", "ruff", "pytest"]
     assert run.task_commands("test", ["-x"])[-1] == ["pytest", "-x"]
-    assert run.task_commands("demo", ["--json"]) == [["frametwin", "demo", "--out", "out/demo", "--json"]]
+    assert run.task_commands("demo", ["--json"]) == [["frametwin", "demo", "--out", "out/first", "--json"]]
     assert run.task_commands("lint", []) == run.task_commands("test", [])[:2]
     assert run.task_commands("setup", []) == []
 

@@ -42,7 +42,7 @@ def command(
     Examples:
       frametwin convert NodeFemur_wireframe.txt femur.json
       frametwin convert model_in_metres.obj model.json --scale 1000 --radius 1.5
-      frametwin convert out/demo/run twin.obj
+      frametwin convert out/first/run twin.obj
     """
     from frametwin.formats import write_frame
 

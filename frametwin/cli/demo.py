@@ -48,7 +48,7 @@ CONTENT = frozenset({MARK, "capture", "run", "views.png"})
 @click.option(
     "--out",
     type=FOLDER,
-    default="out/demo",
+    default="out/first",
     show_default=True,
     help="The folder to write. An earlier demo in it is replaced.",
 )

@@ -22,6 +22,7 @@ def run_tasks(
     items: Sequence[Item],
     workers: int = 1,
     scheduler: str | None = None,
+    cleanup: Callable[[], None] | None = None,
 ) -> Iterator[tuple[Item, Result | Exception]]:
     """Call a function on every item, each by itself.
 
@@ -35,6 +36,8 @@ def run_tasks(
         Processes on this machine; with 1 the function is called right here.
     scheduler
         Address of a Dask scheduler that exists, such as ``tcp://10.0.0.1:8786``; then ``workers`` does not count.
+    cleanup
+        Called on every Dask worker in the end.
 
     Yields
     ------
@@ -63,6 +66,8 @@ def run_tasks(
         finally:
             if futures:
                 client.cancel(list(futures), force=True)
+            if cleanup is not None and scheduler is not None:  # workers of our own end anyway
+                client.run(cleanup, on_error="ignore")
 
 
 def _tried(function: Callable[[Item], Result], item: Item) -> Result | Exception:

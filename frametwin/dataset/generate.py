@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import atexit
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
+from frametwin.dataset.children import Task, close_idle, make_sample
 from frametwin.dataset.farm import run_tasks
-from frametwin.dataset.run import SCENE_FILE, Busy, DatasetRun, opened
-from frametwin.errors import Cancelled, FrameTwinError, InputError
+from frametwin.dataset.run import Busy, DatasetRun
+from frametwin.errors import Cancelled, InputError
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.rendering import blender_is_here, render
-from frametwin.worker.client import WorkerClient
+from frametwin.rendering import blender_is_here
 
 PER_PROCESS = 25
 """Samples that one process makes before a fresh one takes over: Blender's memory grows with every scene."""
@@ -76,19 +73,6 @@ class Report:
     seconds: float = 0.0
 
 
-@dataclass(frozen=True)
-class Task:
-    """One sample, for a process that knows nothing else of the run."""
-
-    recipe: str
-    out: str
-    seed: int | None
-    count: int | None
-    digest: str
-    index: int
-    per_process: int
-
-
 def generate(
     recipe: Path,
     out: Path,
@@ -138,7 +122,7 @@ def generate(
     done = 0
     try:
         report(progress, Progress("samples", 0, len(tasks)))
-        for task, outcome in run_tasks(function, tasks, settings.workers, settings.scheduler):
+        for task, outcome in run_tasks(function, tasks, settings.workers, settings.scheduler, close_idle):
             done += 1
             if shown is not None:
                 shown.done = done
@@ -146,7 +130,7 @@ def generate(
             report(progress, Progress("samples", done, len(tasks)))
             _sort_in(result, task.index, outcome)
     finally:
-        close_child()
+        close_idle()
         run.note(sorted(result.failed.items()))
     result.made.sort()
     result.seconds = perf_counter() - began
@@ -210,97 +194,3 @@ class _Steps:
             return None
         stage = f"sample {self.done + 1} of {self.total}: {step.stage}"
         return self.progress(Progress(stage, step.iteration, step.total))
-
-
-# --- One sample, in a child process of whoever calls
-
-
-@dataclass
-class _Child:
-    client: WorkerClient
-    samples: int = 0
-
-
-_child: _Child | None = None
-
-
-def make_sample(task: Task, progress: ProgressCallback | None = None) -> str:
-    """Make one sample in a process of its own kind, which lives for several samples.
-
-    Returns
-    -------
-    The hash of its content.
-
-    Raises
-    ------
-    Busy
-        If another run is making it.
-    FrameTwinError
-        With the reason, if it fails; a Blender that crashes is one.
-    """
-    global _child
-    if _child is not None and (_child.samples >= task.per_process or not _child.client.alive):
-        close_child()
-    if _child is None:
-        _child = _Child(WorkerClient(sys.executable))
-        _child.client.start()
-    _child.samples += 1
-    parameters = {
-        "recipe": task.recipe,
-        "out": task.out,
-        "seed": task.seed,
-        "count": task.count,
-        "digest": task.digest,
-        "index": task.index,
-    }
-    try:
-        result = _child.client.call("dataset-sample", parameters, progress)
-    except BaseException:
-        close_child()  # whatever it was, a fresh process owes nothing to it
-        raise
-    if result["busy"]:
-        raise Busy(result["busy"])
-    return str(result["content"])
-
-
-def close_child() -> None:
-    """End the child process, if there is one."""
-    global _child
-    child, _child = _child, None
-    if child is not None:
-        child.client.close()
-
-
-atexit.register(close_child)
-
-
-def sample_here(task: Task, progress: ProgressCallback | None = None) -> str:
-    """Make one sample in this very process; what the child does.
-
-    Raises
-    ------
-    Busy, FrameTwinError
-        As `make_sample`.
-    """
-    run = opened(task.recipe, task.out, task.seed, task.count, task.digest)
-    with run.claim(task.index):
-        try:
-            blend = run.sampler.blend_file(run.sampler.specification(task.index))
-            shapes = None if blend is None else _read_blend(run, task.index, blend)
-            stage = run.prepare(task.index, shapes, progress)
-            made_with: dict[str, Any] = {}
-            if (stage / SCENE_FILE).exists():
-                made_with = render(stage / SCENE_FILE, stage, progress)
-            return run.finish(task.index, made_with)
-        except BaseException:
-            run.give_up(task.index)
-            raise
-
-
-def _read_blend(run: DatasetRun, index: int, path: Path) -> Any:
-    from frametwin.blender.plans import read_blend
-
-    values = run.sampler.specification(index).deformation
-    if values.object is None:
-        raise FrameTwinError(f"sample {index} names no object of {path}")
-    return read_blend(path, values.object, values.timeline_frame)

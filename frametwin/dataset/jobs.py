@@ -8,12 +8,13 @@ Blender that has no libraries of its own: ``dataset-plan`` says which samples ar
 
 from __future__ import annotations
 
+import os
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from frametwin.dataset.children import WORKBENCH, Task, sample_here
 from frametwin.dataset.folder import read_dataset
-from frametwin.dataset.generate import Task, sample_here
 from frametwin.dataset.run import SCENE_FILE, Busy, DatasetRun
 from frametwin.errors import InputError
 from frametwin.formats import frame_json
@@ -32,12 +33,18 @@ def sample(
     count: int | None = None,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
-    """Make one sample: ``{"content": hash, "busy": null}``, or the reason why another process has it."""
+    """Make one sample.
+
+    Returns
+    -------
+    ``content``: its hash; ``busy``: the reason why another process has it, or null; ``workbench``: whether that engine
+    works, as an environment variable says it to the next process, or null.
+    """
     try:
         content = sample_here(Task(recipe, out, seed, count, digest, index, per_process=1), progress)
     except Busy as busy:
-        return {"content": None, "busy": str(busy)}
-    return {"content": content, "busy": None}
+        return {"content": None, "busy": str(busy), "workbench": None}
+    return {"content": content, "busy": None, "workbench": os.environ.get(WORKBENCH)}
 
 
 def plan(

@@ -189,7 +189,7 @@ class Look(Table):
     exposure: Annotated[_Range, _within(-5.0, 5.0)] = (-0.1, 0.1)
     electrons: Annotated[_Range, _within(100.0, 1e6)] = (6000.0, 12000.0)
     read_noise: Annotated[_Range, _within(0.0, 1000.0)] = (8.0, 16.0)
-    samples: int = Field(default=16, ge=1, le=4096)
+    samples: int = Field(default=8, ge=1, le=4096)
 
 
 class Render(Table):
