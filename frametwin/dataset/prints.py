@@ -107,7 +107,10 @@ def deformed_print(
 ) -> Wireframe:
     """The plan, deformed: first as its kind says, then shifted and turned with its base."""
     settings = SagSettings(
-        peak_fraction=values.peak_fraction, hardening=Hardening(unhardened_fraction=values.unhardened), seed=values.seed
+        peak_fraction=values.peak_fraction,
+        hardening=Hardening(unhardened_fraction=values.unhardened),
+        seed=values.seed,
+        engine=values.engine,
     )
     report(progress, Progress("deforming", 0, 1))
     if values.kind == "sag":

@@ -50,6 +50,7 @@ class DeformationValues(_Values):
     seed: int
     object: str | None = None
     timeline_frame: int | None = None
+    engine: str = "sparse"
 
 
 class PrintingValues(_Values):
@@ -233,6 +234,7 @@ def _draw_deformation(rng: np.random.Generator, table: Deformation) -> Deformati
         seed=seed,
         object=table.object,
         timeline_frame=moment,
+        engine=table.engine,
     )
 
 
