@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -11,12 +12,14 @@ import numpy as np
 import pytest
 from cli_tools import done, refused
 
+from frametwin import rendering
 from frametwin.capture import read_capture
 from frametwin.cli import fit as fit_module
-from frametwin.cli.demo import is_own_demo
+from frametwin.cli.demo import is_own_demo, takes_blender
 from frametwin.errors import InputError
 from frametwin.fit.api import PRESETS, settings_of
 from frametwin.formats import read_frame, write_frame
+from frametwin.images import read_masks
 from frametwin.parametric import named_frame
 from frametwin.twin import read_twin
 
@@ -196,6 +199,26 @@ def test_evaluate_against_a_frame_file(capture: Path, fitted: Path, tmp_path: Pa
     assert "vertices" in refused("evaluate", fitted, tmp_path / "other.json")
     assert "truth.json" in refused("evaluate", fitted, tmp_path)
     assert "does not exist" in refused("evaluate", tmp_path / "nowhere", capture)
+
+
+@pytest.mark.skipif(find_spec("bpy") is None, reason="Blender's Python module is not installed")
+def test_demo_renders_with_blender_and_says_so(tmp_path: Path) -> None:
+    pictures = {}
+    for renderer in ("auto", "library"):
+        folder = tmp_path / renderer
+        result = done("demo", "--out", folder, *SMALL, "--renderer", renderer, "--quiet")
+        name = json.loads((folder / "demo.json").read_text())["renderer"]
+        assert name.startswith("Blender " if renderer == "auto" else "the library") and name in result.stdout
+        pictures[renderer] = read_masks(read_capture(folder / "capture"))
+    for blender, library in zip(pictures["auto"], pictures["library"], strict=True):
+        assert blender.sum() > 500.0 and np.mean(blender != library) < 0.005
+
+
+def test_a_demo_without_blender_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rendering, "blender_is_here", lambda: False)
+    assert not takes_blender("auto") and not takes_blender("library")
+    with pytest.raises(InputError, match=r"bpy is not installed; install it by"):
+        takes_blender("blender")
 
 
 def test_demo(tmp_path: Path) -> None:

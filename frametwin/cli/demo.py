@@ -118,7 +118,7 @@ def _demo(options: DemoOptions) -> None:
     from frametwin.simulate import SimulationSettings
 
     settings = SimulationSettings(views=options.views, size=options.size, seed=options.seed, missing=options.missing)
-    blender = _takes_blender(options.renderer)
+    blender = takes_blender(options.renderer)
     with Display(options.quiet) as display, staged_directory(out, overwrite=replace) as stage:
         done = run_demo(plan, settings, options.preset, stage, display, blender)
     if options.as_json:
@@ -127,7 +127,8 @@ def _demo(options: DemoOptions) -> None:
         _tell(out, done)
 
 
-def _takes_blender(renderer: str) -> bool:
+def takes_blender(renderer: str) -> bool:
+    """Whether Blender takes the pictures; an error in words where it shall and cannot."""
     from frametwin.rendering import blender_is_here
 
     if renderer == "blender" and not blender_is_here():
