@@ -165,6 +165,24 @@ def test_what_is_damaged_is_found_by_its_hash_and_made_again(recipe: Path, refer
     assert generate(recipe, out) == Report(kept=list(range(COUNT)), seconds=pytest.approx(0.0, abs=600.0))
 
 
+def test_a_lost_listing_is_written_anew_from_the_samples(recipe: Path, reference: Path, tmp_path: Path) -> None:
+    import shutil
+
+    out = tmp_path / "d"
+    shutil.copytree(reference, out)
+    (out / "dataset.json").write_text("{", encoding="utf-8")
+    with pytest.raises(InputError, match=r"dataset.json: file: is damaged .*; delete it and generate again"):
+        generate(recipe, out)
+    (out / "dataset.json").unlink()
+    with pytest.raises(InputError, match="samples of another seed"):
+        generate(recipe, out, GenerateSettings(seed=8))
+    assert generate(recipe, out).kept == list(range(COUNT)) and contents(out) == contents(reference)
+    (out / "dataset.json").unlink()
+    other = recipe_in(tmp_path, name="other.toml", **{"[0.03, 0.08]": "[0.03, 0.09]"})
+    with pytest.raises(InputError, match="holds something else"):
+        generate(other, out)
+
+
 def test_a_longer_run_keeps_what_is_there(recipe: Path, reference: Path, tmp_path: Path) -> None:
     out = tmp_path / "d"
     generate(recipe, out, GenerateSettings(count=1))

@@ -36,6 +36,7 @@ from frametwin.wireframe import Wireframe
 
 SCENE_FILE = "scene.json"
 LOCKS = ".locks"
+RECIPE_COPY = "recipe.toml"
 
 
 class Busy(FrameTwinError):
@@ -80,26 +81,50 @@ class DatasetRun:
         InputError
             If the folder holds something else, or cannot be written.
         """
-        file = self.out / folders.DATASET_FILE
-        if file.exists():
-            known = folders.read_dataset(self.out)
-            same = known.seed == self.seed and known.recipe == self.recipe.model_dump(mode="json") | {
-                "count": known.recipe.get("count")
-            }
-            if not same:
-                what = "recipe" if known.seed == self.seed else "seed"
-                remedy = "choose another --out, or take the recipe and seed that it was begun with"
-                raise InputError.at(self.out, "--out", f"holds samples of another {what}", remedy)
-        elif self.out.exists() and (not self.out.is_dir() or any(self.out.iterdir())):
-            raise InputError.at(self.out, "--out", "holds something else", "choose another folder, or empty it")
+        remedy = "choose another --out, or take the recipe and seed that it was begun with"
+        stranger = self._stranger()
+        if stranger is not None:
+            raise InputError.at(self.out, "--out", f"holds {stranger}", remedy)
         try:
             (self.out / folders.SAMPLES).mkdir(parents=True, exist_ok=True)
             (self.out / LOCKS).mkdir(exist_ok=True)
         except OSError as error:
             remedy = "choose a place that is writable"
             raise InputError.at(self.out, "--out", f"cannot be made ({error.strerror})", remedy) from error
-        write_bytes(self.out / "recipe.toml", self.source.path.read_bytes())
+        write_bytes(self.out / RECIPE_COPY, self.source.path.read_bytes())
         self.note()
+
+    def _stranger(self) -> str | None:
+        """What is in the folder, if that is no part of this dataset."""
+        if not self.out.exists() or (self.out.is_dir() and not any(self.out.iterdir())):
+            return None
+        if (self.out / folders.DATASET_FILE).exists():
+            known = self._known()
+            if known.seed != self.seed:
+                return "samples of another seed"
+            wanted = self.recipe.model_dump(mode="json", exclude={"count"})
+            same = {name: value for name, value in known.recipe.items() if name != "count"} == wanted
+            return None if same else "samples of another recipe"
+        copy = self.out / RECIPE_COPY
+        if not copy.is_file() or copy.read_bytes() != self.source.path.read_bytes():
+            return "something else"
+        # The listing was lost; samples that are there say themselves what they are.
+        for index in folders.sample_indices(self.out):
+            try:
+                found = folders.read_sample(self.folder(index)).specification
+            except InputError:
+                continue
+            if found != self._notes(index):
+                return "samples of another seed"
+        return None
+
+    def _known(self) -> folders.Dataset:
+        file = self.out / folders.DATASET_FILE
+        try:
+            return folders.read_dataset(self.out)
+        except InputError as error:
+            remedy = "delete it and generate again: it is written anew from the samples"
+            raise InputError.at(file, "file", f"is damaged ({error})", remedy) from error
 
     def note(self, failed: Sequence[tuple[int, str]] = ()) -> None:
         """Write what there is into ``dataset.json`` and ``croissant.json``.
