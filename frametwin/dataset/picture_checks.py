@@ -51,8 +51,8 @@ PHOTO = Tolerance(stray=0.01, hole=0.15, centreline=0.15)
 """In photos the sides that the light does not reach are too dark for a mask; what is bright must be a strut."""
 
 LONE = 5
-"""So many wrong pixels a picture are forgiven: in a gap between struts that is narrower than a pixel, hundredths of a pixel
-decide whether its centre is black, and nothing around it tells that it is an edge."""
+"""So many wrong pixels a picture are forgiven: in a gap between struts that is narrower than a pixel, hundredths of
+one decide whether its centre is black, and nothing around it tells that it is an edge."""
 
 _PIXEL = np.ones((3, 3), dtype=np.uint8)
 
