@@ -266,7 +266,8 @@ def test_the_command(tmp_path: Path) -> None:
     assert "does not exist" in refused("dataset", "generate", tmp_path / "no.toml", "--out", out)
 
 
-def test_settings_out_of_range_are_refused() -> None:
+def test_settings_out_of_range_are_refused(recipe: Path, tmp_path: Path) -> None:
     for name, value in (("seed", -1), ("count", 0), ("shard", (0, 3)), ("workers", 0), ("per_process", 0)):
         with pytest.raises(InputError, match=name):
-            GenerateSettings(**{name: value})
+            generate(recipe, tmp_path / "d", GenerateSettings(**{name: value}))
+    assert not (tmp_path / "d").exists()

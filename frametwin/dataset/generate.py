@@ -40,8 +40,6 @@ class GenerateSettings:
 
     def __post_init__(self) -> None:
         rules = (
-            ("seed", self.seed is None or self.seed >= 0, "give a whole number from 0 up"),
-            ("count", self.count is None or self.count >= 1, "give a whole number from 1 up"),
             ("shard", 1 <= self.shard[0] <= self.shard[1], "give i/n with i from 1 to n, as 2/3"),
             ("workers", 1 <= self.workers <= 1024, "give a whole number from 1 to 1024"),
             ("per_process", self.per_process >= 1, "give a whole number from 1 up"),

@@ -58,10 +58,13 @@ class DatasetRun:
     Raises
     ------
     InputError
-        If the recipe, or a file that it names, cannot be used.
+        If the recipe, or a file that it names, cannot be used, or a number is out of range.
     """
 
     def __init__(self, recipe: PathLike, out: PathLike, seed: int | None = None, count: int | None = None) -> None:
+        for name, value, least in (("seed", seed, 0), ("count", count, 1)):
+            if value is not None and value < least:
+                raise InputError.at("settings", name, f"is {value}", f"give a whole number from {least} up")
         self.source: RecipeFile = read_recipe(recipe)
         self.recipe = self.source.recipe
         self.out = Path(out).absolute()

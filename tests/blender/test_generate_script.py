@@ -108,6 +108,8 @@ def test_mistakes_are_told_in_a_sentence(recipe: Path, tmp_path: Path) -> None:
     cases = [
         ([tmp_path / "none.toml", "--out", tmp_path / "d"], {}, "does not exist"),
         ([recipe, "--out", tmp_path / "d", "--shard", "4/3"], {}, "from 1 to n"),
+        ([recipe, "--out", tmp_path / "d", "--count", "0"], {}, "count: is 0"),
+        ([recipe, "--out", tmp_path / "d", "--seed", "-1"], {}, "seed: is -1"),
         ([recipe, "--out", tmp_path / "d", "--python", tmp_path / "nothing"], {}, "does not exist"),
         ([recipe, "--out", recipe], {}, "something else"),
     ]
