@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -83,4 +84,5 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         config.get_terminal_writer().flush()
     sys.stdout.flush()
     sys.stderr.flush()
+    shutil.rmtree(sys.modules["bpy"].app.tempdir, ignore_errors=True)
     os._exit(int(session.exitstatus))

@@ -19,7 +19,7 @@ PROBE_SECONDS = 120.0
 
 # The process ends at once: the bpy module may hang while Python shuts down.
 _PROBE = """
-import os, tempfile, bpy
+import os, shutil, tempfile, bpy
 scene = bpy.context.scene
 scene.render.engine = "BLENDER_WORKBENCH"
 scene.render.resolution_x = scene.render.resolution_y = 8
@@ -32,6 +32,7 @@ good = os.path.isfile(scene.render.filepath)
 if good:
     os.remove(scene.render.filepath)
 os.rmdir(folder)
+shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
 os._exit(0 if good else 1)
 """
 

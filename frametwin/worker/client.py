@@ -29,6 +29,7 @@ from frametwin.worker.child import Child
 from frametwin.worker.event_queue import Event, EventQueue
 from frametwin.worker.handshake import check_versions, start_problem
 from frametwin.worker.interpreter import REMEDY, find_python, worker_environment
+from frametwin.worker.scratch import make_scratch, remove_scratch, scratch_environment
 
 __all__ = ["WorkerClient", "error_of", "find_python"]
 
@@ -71,6 +72,7 @@ class WorkerClient:
         self.versions: dict[str, Any] = {}
         self._cwd = cwd
         self._environment = worker_environment(self.python, package_root, environment)
+        self._scratch: str | None = None
         self._child: Child | None = None
         self._events = EventQueue()
         self._open: set[str] = set()  # ids of requests that are not answered yet
@@ -122,9 +124,12 @@ class WorkerClient:
         if self._cwd is not None and not os.path.isdir(self._cwd):
             raise InputError.at(self._cwd, "working folder", "does not exist", "give a folder that exists")
         command = [self.python, "-m", "frametwin.worker"]
+        self._scratch = make_scratch()
+        environment = {**self._environment, **scratch_environment(self._scratch)}
         try:
-            self._child = Child(command, self._cwd, self._environment, self._hear, self._bury)
+            self._child = Child(command, self._cwd, environment, self._hear, self._bury)
         except (OSError, ValueError) as error:
+            remove_scratch(self._scratch)
             reason = getattr(error, "strerror", None) or str(error)
             raise InputError.at(self.python, "Python", f"cannot be run ({reason})", REMEDY) from error
         _clients.add(self)
@@ -150,6 +155,7 @@ class WorkerClient:
             self._closing = True
         if self._child is not None:
             self._child.end({"request": "quit"}, timeout)
+        remove_scratch(self._scratch)
         _clients.discard(self)
 
     # --- Requests and events

@@ -19,6 +19,7 @@ from frametwin.errors import Cancelled, FrameTwinError, InputError
 from frametwin.progress import Progress
 from frametwin.worker.jobs import JOBS, run_job
 from frametwin.worker.protocol import PROTOCOL, ProtocolError, decode, finite
+from frametwin.worker.scratch import leave
 from frametwin.worker.streams import EventWriter, TooLong, read_lines
 
 GRACE = 1.0
@@ -39,7 +40,7 @@ def main(requests: int, events: int) -> None:
     worker.catch_signals()
     worker.serve()
     sys.stderr.flush()
-    os._exit(0)
+    leave(0)
 
 
 def versions() -> dict[str, Any]:
@@ -141,7 +142,7 @@ class Worker:
             while number := os.read(heard, 1):
                 if number[0] in numbers:
                     if self._ended and number[0] == signal.SIGTERM:  # a second Ctrl-C changes nothing
-                        os._exit(128 + number[0])
+                        leave(128 + number[0])
                     self.end()
 
         threading.Thread(target=listen, name="signals", daemon=True).start()
@@ -166,7 +167,7 @@ class Worker:
             if self._current is not None:
                 self._current.cancelled.set()
             self._wake.notify_all()
-        end = threading.Timer(GRACE, os._exit, args=(1,))
+        end = threading.Timer(GRACE, leave, args=(1,))
         end.daemon = True
         end.start()
 

@@ -53,6 +53,22 @@ def test_requests_are_answered_one_after_the_other(worker: WorkerClient) -> None
     assert stages == sorted(stages) and set(stages) == {"a", "b"}
 
 
+@pytest.mark.parametrize("way", ["closed", "killed", "orphaned"])
+def test_temporary_files_go_with_the_worker(way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    client = extra_client()
+    client.start()
+    assert client.pid is not None and len(list(tmp_path.iterdir())) == 1
+    if way == "killed":
+        os.kill(client.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+        until(lambda: not client.alive, "the end of the worker")
+    elif way == "orphaned":
+        client._child.process.stdin.close()  # as the system does when the parent dies
+        until(lambda: list(tmp_path.iterdir()) == [], "the end of the folder, without the client")
+    client.close()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_outdated_curves_do_not_pile_up(worker: WorkerClient) -> None:
     key = worker.request("count", {"steps": 30, "pause": 0.05}, curves=True)
     until(lambda: key not in worker._open, "the end of the job")  # nobody has looked since it began
