@@ -1,0 +1,91 @@
+"""Twins in the scene: where they are, their colours, numbers with closed forms, and that nothing is left behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from frametwin.blender.colours import BINS, MISSING, UNKNOWN, colour_map, colour_twin
+from frametwin.blender.curves import wireframe_from_curve
+from frametwin.blender.statistics import StrutValues, statistics_of, worst_struts
+from frametwin.blender.twins import RUN_KEY, import_twin, remove_twin, show_twin
+from frametwin.errors import InputError
+from frametwin.formats import frame_json
+from frametwin.runs import Truth
+from frametwin.twin import Twin, write_twin
+from frametwin.wireframe import Wireframe
+
+
+def shifted(frame: Wireframe, shift: Any) -> Twin:
+    """A rigidly moved twin, strut 3 missing."""
+    count = frame.strut_count
+    opacity = np.ones((count, 20))
+    opacity[3] = 0.0
+    return Twin(
+        control_points=frame.control_points + shift,
+        vertices=frame.vertices + shift,
+        thickness=np.repeat(frame.radius[:, None], 20, axis=1) + 0.5,
+        opacity=opacity,
+        completeness=opacity.mean(axis=1),
+        confidence=np.linspace(0.0, 1.0, count),
+    )
+
+
+def indices(obj: bpy.types.Object) -> np.ndarray:
+    return np.array([spline.material_index for spline in obj.data.splines])
+
+
+def test_a_run_folder_is_shown_and_removed(scene: Any, rich_frame: Wireframe, tmp_path: Path) -> None:
+    twin = shifted(rich_frame, [3.0, 4.0, 0.0])
+    write_twin(tmp_path, twin)
+    frame_json.write(tmp_path / "frame.json", rich_frame)
+    shown = import_twin(tmp_path)
+    found = wireframe_from_curve(shown.twin)
+    np.testing.assert_array_equal(found.control_points, twin.control_points)
+    np.testing.assert_allclose(found.radius, rich_frame.radius + 0.5, rtol=1e-12)
+    np.testing.assert_array_equal(wireframe_from_curve(shown.plan).control_points, rich_frame.control_points)
+    assert shown.plan.hide_select and shown.collection[RUN_KEY] == str(tmp_path)
+    np.testing.assert_allclose(shown.values["displacement_max"].values, 5.0, rtol=1e-12)
+    assert shown.missing.tolist() == [3] and indices(shown.twin)[3] == MISSING
+    remove_twin(shown.collection)
+    assert not len(bpy.data.materials) and not len(bpy.data.curves) and not len(bpy.data.collections)
+
+
+def test_recolouring_adds_nothing(scene: Any, rich_frame: Wireframe) -> None:
+    shown = show_twin(shifted(rich_frame, [0.0, 0.0, 1.0]), rich_frame)
+    ramp = np.linspace(0.0, 1.0, 18)
+    ramp[5] = np.nan
+    for _ in range(10):
+        legend = colour_twin(shown.twin, StrutValues("test", "mm", ramp), 0.25, 0.75)
+    assert len(bpy.data.materials) == BINS + 2 and (legend.low, legend.high) == (0.25, 0.75)
+    found = indices(shown.twin)
+    assert (found[0], found[5], found[17]) == (0, UNKNOWN, BINS - 1)
+    assert np.all(np.diff(np.delete(found, 5)) >= 0)
+    with pytest.raises(InputError, match="range"):
+        colour_twin(shown.twin, StrutValues("test", "mm", ramp), 1.0, 1.0)
+
+
+def test_error_across_straight_struts_is_the_shift(scene: Any) -> None:
+    frame = Wireframe.create(
+        [[0, 0, 0], [0, 0, 40], [30, 0, 0], [30, 0, 40]], [[0, 1], [2, 3], [1, 3], [0, 3]], radius=1.0
+    )
+    truth = Truth(frame, np.array([[0.0, 0.5], [0.0, 1.0], [0.0, 0.0], [0.0, 1.0]]))
+    error = show_twin(shifted(frame, [0.0, 2.0, 0.0]), frame, truth=truth).values["error"].values
+    np.testing.assert_allclose(error, [2.0, 2.0, np.nan, 2.0], rtol=1e-9)
+
+
+def test_statistics_and_worst() -> None:
+    values = np.array([1.0, np.nan, 3.0, 2.0])
+    found = statistics_of(values)
+    assert (found.mean, found.max) == (2.0, 3.0) and found.p95 == pytest.approx(2.9)
+    assert worst_struts(values, 2).tolist() == [2, 3] and worst_struts(values, 9).tolist() == [2, 3, 0]
+
+
+def test_the_colours_are_inside_of_the_gamut_and_distinct() -> None:
+    colours = colour_map()
+    assert 0.0 < colours.min() and colours.max() < 1.0  # nothing had to be clipped
+    assert len(np.unique(colours.round(4), axis=0)) == BINS + 2
