@@ -11,9 +11,12 @@ environment variable FRAMETWIN_PYTHON, as .venv/bin/python after the set-up of t
 from __future__ import annotations
 
 import argparse
+import os
 import re
+import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
@@ -93,19 +96,51 @@ def run_blender(
     for name in ("count", "seed", "python"):
         if getattr(options, name) is not None:
             words += [f"--{name}", str(getattr(options, name))]
-    blender = subprocess.run([*command_of_blender(), "--", *words], stdin=subprocess.DEVNULL, check=False)
-    if blender.returncode == 130:
+    code = -1
+    try:
+        code = run_child([*command_of_blender(), "--", *words])
+    finally:
+        if code != 0:
+            worker.call("dataset-tidy", {"indices": chunk})
+    if code == 130:
         raise Cancelled("interrupted")
-    if blender.returncode == 0:
+    if code == 0:
         return []
-    still = set(worker.call("dataset-plan", request_of(options))["wanted"])
+    still = set(worker.call("dataset-plan", {**request_of(options), "again": True})["wanted"])
     told = worker.call("dataset-failures", {})["failed"]
     missing = [index for index in chunk if index in still]
     failed.update({index: told[str(index)] for index in missing if str(index) in told})
     untold = [index for index in missing if str(index) not in told]
     if untold:  # the first of them is what it crashed at
-        failed[untold[0]] = f"Blender ended with code {blender.returncode}; its last words are above"
+        failed[untold[0]] = f"Blender ended with code {code}; its last words are above"
     return untold[1:]
+
+
+def run_child(command: Sequence[str]) -> int:
+    """Run a program that ends when its standard input does, whatever becomes of this one; its exit code."""
+    child = subprocess.Popen(command, stdin=subprocess.PIPE)
+    try:
+        return child.wait()
+    finally:
+        if child.poll() is None:
+            child.terminate()
+            child.wait()
+
+
+def end_with_parent() -> None:
+    """End this process once its standard input ends, which is when the process that started it has gone."""
+
+    def watch() -> None:
+        while os.read(0, 4096):
+            pass
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def end_in_order(number: int, frame: object) -> None:
+    """A signal that asks to end is what Ctrl-C is."""
+    raise KeyboardInterrupt
 
 
 def command_of_blender() -> list[str]:
@@ -124,6 +159,7 @@ def make_samples(options: argparse.Namespace) -> int:
     from frametwin.blender.render import render_scene
     from frametwin.scene import read_scene
 
+    end_with_parent()
     indices = [int(index) for index in options.samples.split(",")]
     failed: dict[str, str] = {}
     with worker_of(options) as worker:
@@ -201,6 +237,9 @@ def say(sentence: str) -> None:
 
 
 if __name__ == "__main__":
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), end_in_order)
     given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
     code = main(given)
     sys.stdout.flush()

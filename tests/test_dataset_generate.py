@@ -183,6 +183,51 @@ def test_a_lost_listing_is_written_anew_from_the_samples(recipe: Path, reference
         generate(other, out)
 
 
+def test_a_run_that_was_killed_in_its_first_moments_goes_on(tmp_path: Path) -> None:
+    recipe, out = recipe_in(tmp_path, "silhouette"), tmp_path / "d"
+    out.mkdir()
+    (out / "recipe.toml").write_bytes(recipe.read_bytes())
+    (out / "samples").mkdir()
+    assert generate(recipe, out, GenerateSettings(count=1)).made == [0]
+
+
+def test_something_else_in_the_place_of_a_sample_gives_way(tmp_path: Path) -> None:
+    recipe, out = recipe_in(tmp_path, "silhouette"), tmp_path / "d"
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "thesis.txt").write_text("years of work", encoding="utf-8")
+    generate(recipe, out, GenerateSettings(count=1))
+    (out / "samples" / "000001").write_text("a file", encoding="utf-8")
+    (out / "samples" / "000002").symlink_to(tmp_path / "elsewhere")
+    report = generate(recipe, out, GenerateSettings(count=3))
+    assert report.made == [1, 2] and not report.failed and sorted(contents(out)) == [0, 1, 2]
+    assert (tmp_path / "elsewhere" / "thesis.txt").exists()
+    assert {path.name for path in (out / "samples").iterdir()} == {"000000", "000001", "000002"}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_process_is_told_and_leaves_nothing(tmp_path: Path, workers: int) -> None:
+    recipe, out = recipe_in(tmp_path, "silhouette", **{"size = [90, 120]": "size = [900, 1200]"}), tmp_path / "d"
+    words = ["dataset", "generate", str(recipe), "--out", str(out), "--workers", str(workers), "--json", "--quiet"]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "frametwin", *words],
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline and not (out / "samples" / "000001").exists():
+        time.sleep(0.02)
+    children = psutil.Process(run.pid).children(recursive=True)
+    next(child for child in children if "frametwin.worker" in child.cmdline()).kill()
+    data = json.loads(run.communicate()[0])
+    assert run.returncode == 1 and len(data["failed"]) == 1 and len(data["made"]) == COUNT - 1
+    assert "SIGKILL" in next(iter(data["failed"].values()))
+    assert not [path for path in (out / "samples").iterdir() if path.name.startswith(".")]
+    assert generate(recipe, out).made == [int(index) for index in data["failed"]]
+
+
 def test_a_longer_run_keeps_what_is_there(recipe: Path, reference: Path, tmp_path: Path) -> None:
     out = tmp_path / "d"
     generate(recipe, out, GenerateSettings(count=1))

@@ -67,6 +67,11 @@ MISTAKES = {
     "passes without Blender": (BRIDGE + '[render]\nstyle = "silhouette"\npasses = true', "made by Blender"),
     "blend without file": ('[[deformations]]\nkind = "blend"', "needs file and object"),
     "file without blend": (BRIDGE + '[[deformations]]\nkind = "sag"\nfile = "a.blend"', "belong to the kind 'blend'"),
+    "a text for a count": (BRIDGE + '[printing]\nmissing = "2"', "printing.missing"),
+    "a text for a truth": (BRIDGE + '[render]\npasses = "no"', "render.passes"),
+    "half a pixel": (BRIDGE + "[rig]\nsize = [90.5, 120]", "rig.size[0]"),
+    "an absurd count": (BRIDGE + "[printing]\nmissing = 100000000000000000000", "printing.missing"),
+    "a rig of two minds": (BRIDGE + '[rig]\nkind = "file"\nfile = "a.json"\nviews = 4', "remove views"),
     "rig file without name": (BRIDGE + '[rig]\nkind = "file"', "belong together"),
 }
 
@@ -98,6 +103,12 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
         sampler_of(tmp_path, '[[frames]]\nframe = "nothing.json"')
     with pytest.raises(InputError, match="bent.blend"):
         sampler_of(tmp_path, '[[deformations]]\nkind = "blend"\nfile = "bent.blend"\nobject = "Frame"')
+
+
+def test_a_damaged_rig_is_told_at_once(tmp_path: Path) -> None:
+    (tmp_path / "rig.json").write_text("[]", encoding="utf-8")
+    with pytest.raises(InputError, match="rig.json"):
+        sampler_of(tmp_path, BRIDGE + '[rig]\nkind = "file"\nfile = "rig.json"')
 
 
 def test_a_sample_depends_on_seed_and_index_alone(tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def generate_command(recipe: Path, out: Path, quiet: bool, as_json: bool, **sett
         facts.append(("left to another run", listed(report.busy)))
     facts.append(("next", f"frametwin dataset validate {out}"))
     print_facts(f"dataset: {out}", facts)
-    for index, reason in sorted(report.damaged.items()):
+    for index, reason in sorted((i, text) for i, text in report.damaged.items() if i in report.made):
         click.echo(f"Sample {index} was made again: {reason}", err=True)
     for index, reason in sorted(report.failed.items()):
         click.echo(f"Sample {index} failed: {reason}", err=True)

@@ -68,6 +68,7 @@ def make_sample(task: Task, progress: ProgressCallback | None = None) -> str:
         raise
     except BaseException:
         _close(child)  # whatever it was, a fresh process owes nothing to it
+        opened(task.recipe, task.out, task.seed, task.count, task.digest).tidy(task.index)
         raise
     finally:
         child.busy = False

@@ -109,6 +109,7 @@ def generate(
     run.open()
     result = Report()
     wanted = _wanted(run, settings, result, progress)
+    run.note(tried=wanted)
     tasks = [
         Task(str(run.source.path.absolute()), str(run.out), settings.seed, settings.count, run.source.digest, i,
              settings.per_process)

@@ -53,9 +53,10 @@ def plan(
     seed: int | None = None,
     count: int | None = None,
     shard: list[int] | None = None,
+    again: bool = False,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
-    """Begin a run, or go on with one.
+    """Begin a run, or go on with one; with ``again`` only look what is left of the one that is under way.
 
     Returns
     -------
@@ -75,6 +76,8 @@ def plan(
             if _run.folder(index).exists():
                 damaged[str(index)] = faults[0]
         report(progress, Progress("checking samples", i + 1, len(indices)))
+    if not again:
+        _run.note(tried=wanted)
     return {"wanted": wanted, "kept": len(indices) - len(wanted), "damaged": damaged}
 
 
@@ -159,6 +162,13 @@ def give_up(index: int) -> dict[str, Any]:
     """Remove what there is of a sample that failed."""
     _opened().give_up(index)
     _release(index)
+    return {}
+
+
+def tidy(indices: list[int]) -> dict[str, Any]:
+    """Remove what a Blender that died or was ended has left of samples."""
+    for index in indices:
+        _opened().tidy(index)
     return {}
 
 

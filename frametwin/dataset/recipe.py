@@ -44,10 +44,15 @@ def _within(low: float, high: float) -> Any:
 _Range = Annotated[tuple[float, float], BeforeValidator(_pair), AfterValidator(_rising)]
 Share = Annotated[_Range, _within(0.0, 1.0)]
 Count = Annotated[
-    tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], BeforeValidator(_pair), AfterValidator(_rising)
+    tuple[
+        Annotated[int, Field(ge=0, le=1_000_000, strict=True)], Annotated[int, Field(ge=0, le=1_000_000, strict=True)]
+    ],
+    BeforeValidator(_pair),
+    AfterValidator(_rising),
 ]
 Millimetres = Annotated[_Range, _within(0.0, 1e4)]
 Degrees = Annotated[_Range, _within(-360.0, 360.0)]
+Side = Annotated[int, Field(ge=8, le=16384, strict=True)]
 Weight = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
@@ -150,8 +155,8 @@ class Rig(Table):
     """
 
     kind: Literal["ring", "dome", "file"] = "ring"
-    views: tuple[Annotated[int, Field(ge=2, le=1000)], ...] = (8,)
-    size: tuple[Annotated[int, Field(ge=8, le=16384)], Annotated[int, Field(ge=8, le=16384)]] = (1200, 1600)
+    views: tuple[Annotated[int, Field(ge=2, le=1000, strict=True)], ...] = (8,)
+    size: tuple[Side, Side] = (1200, 1600)
     elevation_deg: tuple[Annotated[float, Field(ge=-90.0, le=90.0)], ...] | None = None
     fov_deg: Annotated[_Range, _within(1.0, 150.0)] = (40.0, 40.0)
     margin: float = Field(default=0.08, ge=0.0, lt=0.5)
@@ -173,6 +178,9 @@ class Rig(Table):
             raise ValueError("views is empty: give a number of cameras, 8 are usual")
         if (self.kind == "file") != (self.file is not None):
             raise ValueError("the kind 'file' and the field file belong together: give both or neither")
+        given = sorted(self.model_fields_set - {"kind", "file"})
+        if self.kind == "file" and given:
+            raise ValueError(f"the kind 'file' has all of the cameras from the file: remove {', '.join(given)}")
         if self.elevation_deg is not None and not self.elevation_deg:
             raise ValueError("elevation_deg is empty: give angles, as [20, 45]")
         if self.kind == "dome" and self.elevation_deg is not None and len(self.elevation_deg) != 2:
@@ -192,7 +200,7 @@ class Look(Table):
     exposure: Annotated[_Range, _within(-5.0, 5.0)] = (-0.1, 0.1)
     electrons: Annotated[_Range, _within(100.0, 1e6)] = (6000.0, 12000.0)
     read_noise: Annotated[_Range, _within(0.0, 1000.0)] = (8.0, 16.0)
-    samples: int = Field(default=8, ge=1, le=4096)
+    samples: int = Field(default=8, ge=1, le=4096, strict=True)
 
 
 class Render(Table):
@@ -209,7 +217,7 @@ class Render(Table):
 
     style: Literal["mask", "photo", "silhouette"] = "mask"
     engine: Literal["auto", "workbench", "cycles"] = "auto"
-    passes: bool = False
+    passes: bool = Field(default=False, strict=True)
     look: Look = Look()
 
     @model_validator(mode="after")
@@ -227,8 +235,8 @@ class Recipe(Table):
     name: str = Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]*$")
     description: str = ""
     licence: str = "CC0-1.0"
-    count: int = Field(ge=1, le=1_000_000)
-    seed: int = Field(default=0, ge=0)
+    count: int = Field(ge=1, le=1_000_000, strict=True)
+    seed: int = Field(default=0, ge=0, strict=True)
     frames: tuple[FrameChoice, ...] = ()
     deformations: tuple[Deformation, ...] = Field(default=(Deformation(kind="sag"),), min_length=1)
     printing: Printing = Printing()

@@ -8,8 +8,8 @@ renames it. Whoever makes a sample holds its lock, and a lock dies with its proc
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -89,12 +89,14 @@ class DatasetRun:
         if stranger is not None:
             raise InputError.at(self.out, "--out", f"holds {stranger}", remedy)
         try:
-            (self.out / folders.SAMPLES).mkdir(parents=True, exist_ok=True)
+            self.out.mkdir(parents=True, exist_ok=True)
+            # First of all, since it is what the folder is known by until there is a listing.
+            write_bytes(self.out / RECIPE_COPY, self.source.path.read_bytes())
+            (self.out / folders.SAMPLES).mkdir(exist_ok=True)
             (self.out / LOCKS).mkdir(exist_ok=True)
         except OSError as error:
             remedy = "choose a place that is writable"
             raise InputError.at(self.out, "--out", f"cannot be made ({error.strerror})", remedy) from error
-        write_bytes(self.out / RECIPE_COPY, self.source.path.read_bytes())
         self.note()
 
     def _stranger(self) -> str | None:
@@ -129,15 +131,17 @@ class DatasetRun:
             remedy = "delete it and generate again: it is written anew from the samples"
             raise InputError.at(file, "file", f"is damaged ({error})", remedy) from error
 
-    def note(self, failed: Sequence[tuple[int, str]] = ()) -> None:
+    def note(self, failed: Sequence[tuple[int, str]] = (), tried: Collection[int] = ()) -> None:
         """Write what there is into ``dataset.json`` and ``croissant.json``.
 
-        What failed earlier and is still missing stays noted.
+        What failed earlier and is still missing stays noted, but for what is ``tried`` again now.
         """
         with FileLock(self.out / LOCKS / "dataset.lock"):
             file = self.out / folders.DATASET_FILE
             known = folders.read_dataset(self.out) if file.exists() else None
-            reasons = {} if known is None else {item.index: item.reason for item in known.failed}
+            reasons = (
+                {} if known is None else {item.index: item.reason for item in known.failed if item.index not in tried}
+            )
             reasons |= dict(failed)
             folders.write_dataset_json(
                 self.out,
@@ -174,8 +178,8 @@ class DatasetRun:
         return self.sampler.specification(index).model_dump(mode="json")
 
     @contextmanager
-    def claim(self, index: int) -> Iterator[None]:
-        """Be the only one who makes a sample.
+    def claim(self, index: int, wait: float = 0.0) -> Iterator[None]:
+        """Be the only one who makes a sample, after waiting for that at most so many seconds.
 
         Raises
         ------
@@ -184,7 +188,7 @@ class DatasetRun:
         """
         lock = FileLock(self.out / LOCKS / f"{folders.sample_name(index)}.lock")
         try:
-            lock.acquire(timeout=0)
+            lock.acquire(timeout=wait)
         except Timeout as error:
             raise Busy(f"sample {index} is being made by another run") from error
         try:
@@ -268,8 +272,16 @@ class DatasetRun:
         content = folders.write_sample_json(
             stage, index, self._notes(index), {"frametwin": __version__, **(made_with or {})}
         )
-        swap_in(stage, self.folder(index))
+        folder = self.folder(index)
+        if folder.is_symlink() or folder.is_file():
+            folder.unlink()  # somebody has put it there; what it leads to is not touched
+        swap_in(stage, folder)
         return content
+
+    def tidy(self, index: int, wait: float = 2.0) -> None:
+        """Remove what a process that died has left of a sample, unless another one is making it by now."""
+        with suppress(Busy), self.claim(index, wait):
+            self.give_up(index)
 
     def give_up(self, index: int) -> None:
         """Remove what there is of a sample that failed or was cut off; a sample that was there before stays."""

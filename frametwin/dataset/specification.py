@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from frametwin.capture import read_cameras
 from frametwin.dataset.recipe import Deformation, RecipeFile, Render, Rig
 from frametwin.errors import InputError
 from frametwin.files import PathLike, dump_json
@@ -138,6 +139,9 @@ class Sampler:
             for d in self.recipe.deformations
             if d.file is not None
         }
+
+        if self.rig_file is not None:
+            read_cameras(self.rig_file[0])  # told now, and not once a sample
 
     @cached_property
     def rig_file(self) -> tuple[Path, str] | None:

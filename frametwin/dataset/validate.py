@@ -182,7 +182,7 @@ def _entry_problems(entry: SampleEntry) -> list[str]:
 def _dataset_problems(dataset: Dataset, partial: bool) -> list[str]:
     known = {entry.folder.name for entry in dataset.samples}
     strange = [i for i in sample_indices(dataset.folder) if sample_folder(dataset.folder, i).name not in known]
-    problems = []
+    problems = [] if dataset.samples or partial else ["there are no samples"]
     if strange:
         problems.append(f"dataset.json does not list what is in {SAMPLES}/: {_listed(strange)}; generate again")
     absent = [index for index in dataset.absent if index not in strange]

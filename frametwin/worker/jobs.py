@@ -30,6 +30,7 @@ JOBS: dict[str, str] = {
     "dataset-prepare": "frametwin.dataset.jobs:prepare",
     "dataset-finish": "frametwin.dataset.jobs:finish",
     "dataset-give-up": "frametwin.dataset.jobs:give_up",
+    "dataset-tidy": "frametwin.dataset.jobs:tidy",
     "dataset-close": "frametwin.dataset.jobs:close",
 }
 """Names of jobs, and the functions that do them as ``module:function``."""
