@@ -20,6 +20,10 @@ FORMAT = "frametwin-scene"
 VERSION = 1
 STYLES = ("mask", "photo")
 ENGINES = ("auto", "workbench", "cycles")
+WORKBENCH_WORKS = "FRAMETWIN_WORKBENCH"
+"""Environment variable in which processes tell each other of the engine that had to be tried: ``1`` where it works,
+``0`` where it does not."""
+
 FORBIDDEN_IN_NAMES = '<>:"/\\|?*'
 
 

@@ -10,10 +10,9 @@ import sys
 import bpy
 
 from frametwin.errors import InputError
+from frametwin.scene import WORKBENCH_WORKS
 
 WORKBENCH, CYCLES = "BLENDER_WORKBENCH", "CYCLES"
-FOUND = "FRAMETWIN_WORKBENCH"
-"""Environment variable: ``1`` where Workbench works, ``0`` where it does not."""
 
 PROBE_SECONDS = 120.0
 
@@ -64,14 +63,14 @@ def mask_engine(wanted: str) -> str:
 def workbench_works() -> bool:
     """Whether Workbench can render: without EGL it aborts the process, so a child process tries it, once.
 
-    What was found is kept in the environment variable `FOUND`, for this process and those that it starts; whoever
-    starts many processes can set it. A Blender with a window draws with the same graphics already.
+    What was found is kept in the environment variable `WORKBENCH_WORKS`, for this process and those that it starts;
+    whoever starts many processes can set it. A Blender with a window draws with the same graphics already.
     """
     if not bpy.app.background and not bpy.app.module:
         return True
-    if os.environ.get(FOUND) not in ("0", "1"):
-        os.environ[FOUND] = "1" if _probe() else "0"
-    return os.environ[FOUND] == "1"
+    if os.environ.get(WORKBENCH_WORKS) not in ("0", "1"):
+        os.environ[WORKBENCH_WORKS] = "1" if _probe() else "0"
+    return os.environ[WORKBENCH_WORKS] == "1"
 
 
 def _probe() -> bool:

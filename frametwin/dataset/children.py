@@ -14,10 +14,8 @@ from frametwin.dataset.run import SCENE_FILE, Busy, DatasetRun, opened
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.progress import ProgressCallback
 from frametwin.rendering import render
+from frametwin.scene import WORKBENCH_WORKS
 from frametwin.worker.client import WorkerClient
-
-WORKBENCH = "FRAMETWIN_WORKBENCH"
-"""Environment variable in which Blender's part keeps whether Workbench works here."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ def make_sample(task: Task, progress: ProgressCallback | None = None) -> str:
     if result["busy"]:
         raise Busy(result["busy"])
     if result["workbench"] is not None:
-        os.environ[WORKBENCH] = result["workbench"]  # the next process need not try it again
+        os.environ[WORKBENCH_WORKS] = result["workbench"]  # the next process need not try it again
     return str(result["content"])
 
 

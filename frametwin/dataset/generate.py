@@ -40,7 +40,6 @@ class GenerateSettings:
 
     def __post_init__(self) -> None:
         rules = (
-            ("shard", 1 <= self.shard[0] <= self.shard[1], "give i/n with i from 1 to n, as 2/3"),
             ("workers", 1 <= self.workers <= 1024, "give a whole number from 1 to 1024"),
             ("per_process", self.per_process >= 1, "give a whole number from 1 up"),
         )
@@ -106,14 +105,15 @@ def generate(
     run = DatasetRun(recipe, out, settings.seed, settings.count)
     if run.recipe.needs_blender and settings.scheduler is None:
         require_blender(Path(recipe))
+    indices = run.indices(settings.shard)
     run.open()
-    result = Report()
-    wanted = _wanted(run, settings, result, progress)
-    run.note(tried=wanted)
+    survey = run.survey(indices, progress)
+    run.note(tried=survey.wanted)
+    result = Report(kept=survey.kept, damaged=survey.damaged)
     tasks = [
         Task(str(run.source.path.absolute()), str(run.out), settings.seed, settings.count, run.source.digest, i,
              settings.per_process)
-        for i in wanted
+        for i in survey.wanted
     ]  # fmt: skip
     alone = settings.scheduler is None and settings.workers == 1
     shown = _Steps(progress, len(tasks)) if alone else None
@@ -151,24 +151,6 @@ def require_blender(recipe: Path) -> None:
             " or take style = 'silhouette'"
         )
         raise InputError.at(recipe, "render.style", problem, remedy)
-
-
-def _wanted(
-    run: DatasetRun, settings: GenerateSettings, result: Report, progress: ProgressCallback | None
-) -> list[int]:
-    """Indices that have to be made; what is there already is noted in ``result``."""
-    wanted = []
-    indices = run.indices(settings.shard)
-    for i, index in enumerate(indices):
-        faults = run.faults(index)
-        if not faults:
-            result.kept.append(index)
-        else:
-            wanted.append(index)
-            if run.folder(index).exists():
-                result.damaged[index] = faults[0]
-        report(progress, Progress("checking samples", i + 1, len(indices)))
-    return wanted
 
 
 def _sort_in(result: Report, index: int, outcome: str | Exception) -> None:

@@ -13,12 +13,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from frametwin.dataset.children import WORKBENCH, Task, sample_here
+from frametwin.dataset.children import Task, sample_here
 from frametwin.dataset.folder import read_dataset
 from frametwin.dataset.run import SCENE_FILE, Busy, DatasetRun
 from frametwin.errors import InputError
 from frametwin.formats import frame_json
-from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.progress import ProgressCallback
+from frametwin.scene import WORKBENCH_WORKS
 
 _run: DatasetRun | None = None
 _claims: dict[int, ExitStack] = {}
@@ -44,7 +45,7 @@ def sample(
         content = sample_here(Task(recipe, out, seed, count, digest, index, per_process=1), progress)
     except Busy as busy:
         return {"content": None, "busy": str(busy), "workbench": None}
-    return {"content": content, "busy": None, "workbench": os.environ.get(WORKBENCH)}
+    return {"content": content, "busy": None, "workbench": os.environ.get(WORKBENCH_WORKS)}
 
 
 def plan(
@@ -63,22 +64,14 @@ def plan(
     ``wanted``: indices of the samples to make; ``kept``: how many are there; ``damaged``: why some are made again.
     """
     global _run
-    if shard is not None and not (len(shard) == 2 and 1 <= shard[0] <= shard[1]):
-        raise InputError.at("settings", "shard", f"is {shard}", "give i/n with i from 1 to n, as 2/3")
     _run = DatasetRun(recipe, out, seed, count)
+    indices = _run.indices((1, 1) if shard is None else tuple(shard))  # type: ignore[arg-type]  # checked there
     _run.open()
-    indices = _run.indices((1, 1) if shard is None else (shard[0], shard[1]))
-    wanted, damaged = [], {}
-    for i, index in enumerate(indices):
-        faults = _run.faults(index)
-        if faults:
-            wanted.append(index)
-            if _run.folder(index).exists():
-                damaged[str(index)] = faults[0]
-        report(progress, Progress("checking samples", i + 1, len(indices)))
+    survey = _run.survey(indices, progress)
     if not again:
-        _run.note(tried=wanted)
-    return {"wanted": wanted, "kept": len(indices) - len(wanted), "damaged": damaged}
+        _run.note(tried=survey.wanted)
+    damaged = {str(index): reason for index, reason in survey.damaged.items()}
+    return {"wanted": survey.wanted, "kept": len(survey.kept), "damaged": damaged}
 
 
 def open_run(

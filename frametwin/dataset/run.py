@@ -10,6 +10,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from frametwin.errors import FrameTwinError, InputError
 from frametwin.files import PathLike, read_json, swap_in, write_bytes
 from frametwin.formats import defects_json
 from frametwin.image_files import write_png
-from frametwin.progress import ProgressCallback
+from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.raster.silhouette import silhouettes
 from frametwin.scene import PhotoLook, Scene, write_scene
 from frametwin.simulate import NOTES_FILE
@@ -41,6 +42,15 @@ RECIPE_COPY = "recipe.toml"
 
 class Busy(FrameTwinError):
     """Another process is making the sample."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Indices of samples that have to be made and of those that are there, and what is wrong with damaged ones."""
+
+    wanted: list[int] = field(default_factory=list)
+    kept: list[int] = field(default_factory=list)
+    damaged: dict[int, str] = field(default_factory=dict)
 
 
 class DatasetRun:
@@ -97,7 +107,8 @@ class DatasetRun:
         except OSError as error:
             remedy = "choose a place that is writable"
             raise InputError.at(self.out, "--out", f"cannot be made ({error.strerror})", remedy) from error
-        self.note()
+        if not (self.out / folders.DATASET_FILE).exists():
+            self.note()
 
     def _stranger(self) -> str | None:
         """What is in the folder, if that is no part of this dataset."""
@@ -155,7 +166,15 @@ class DatasetRun:
             write_croissant(self.out)
 
     def indices(self, shard: tuple[int, int] = (1, 1)) -> list[int]:
-        """Indices of the samples of one of ``n`` shards, ``(i, n)`` with i from 1."""
+        """Indices of the samples of one of ``n`` shards, ``(i, n)`` with i from 1.
+
+        Raises
+        ------
+        InputError
+            If there is no such shard.
+        """
+        if not (len(shard) == 2 and 1 <= shard[0] <= shard[1]):
+            raise InputError.at("settings", "shard", f"is {shard}", "give i/n with i from 1 to n, as 2/3")
         return list(range(shard[0] - 1, self.count, shard[1]))
 
     def folder(self, index: int) -> Path:
@@ -173,6 +192,23 @@ class DatasetRun:
         except InputError as error:
             return [str(error)]
         return folders.check_sample(folder)
+
+    def survey(self, indices: Sequence[int], progress: ProgressCallback | None = None) -> Survey:
+        """Look which of some samples are done.
+
+        Raises
+        ------
+        Cancelled
+            If ``progress`` returns ``False``.
+        """
+        found = Survey()
+        for i, index in enumerate(indices):
+            faults = self.faults(index)
+            (found.wanted if faults else found.kept).append(index)
+            if faults and self.folder(index).exists():
+                found.damaged[index] = faults[0]
+            report(progress, Progress("checking samples", i + 1, len(indices)))
+        return found
 
     def _notes(self, index: int) -> dict[str, Any]:
         return self.sampler.specification(index).model_dump(mode="json")

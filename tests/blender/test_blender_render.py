@@ -257,14 +257,14 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
 
 
 def test_cycles_takes_over_where_workbench_does_not_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(engines.FOUND, "0")
+    monkeypatch.setenv(engines.WORKBENCH_WORKS, "0")
     assert render_scene(faulty(), tmp_path).engine == "cycles"
     with pytest.raises(InputError, match="scene: engine: Workbench does not work here; install libegl1"):
         render_scene(replace(faulty(), engine="workbench"), tmp_path)
 
 
 def test_a_probe_that_fails_is_no_crash(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(engines.FOUND, raising=False)
+    monkeypatch.delenv(engines.WORKBENCH_WORKS, raising=False)
     monkeypatch.setattr(engines, "_PROBE", "import os; os.abort()")
     assert not engines.workbench_works()
     assert engines.mask_engine("auto") == engines.CYCLES
