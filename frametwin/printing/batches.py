@@ -1,0 +1,44 @@
+"""Where a print pauses for the cameras."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from frametwin.wireframe import Wireframe
+
+BATCHES = 10
+"""Batches of a print, where no size is given."""
+
+PLAY = 0.25
+"""Share of a batch's size by which its end may move to where fewer cantilevers hang."""
+
+
+def default_batch_size(frame: Wireframe) -> int:
+    """Struts in one of ten batches."""
+    return max(1, math.ceil(frame.strut_count / BATCHES))
+
+
+def split_batches(loose: np.ndarray, size: int) -> np.ndarray:
+    """(N,) batch of each strut of an order: about ``size`` in each, ended where its joints are least loose.
+
+    Parameters
+    ----------
+    loose
+        (N,) see `frametwin.printing.stability.looseness`.
+    size
+        Struts in a batch.
+    """
+    count = len(loose)
+    wanted = max(1, round(count / size))
+    play = int(PLAY * size)
+    result = np.zeros(count, dtype=np.int64)
+    last = 0
+    for k in range(1, wanted):
+        middle = round(k * count / wanted)
+        ends = np.arange(max(last + 1, middle - play), min(count - 1, middle + play) + 1)
+        distance = np.abs(ends - middle) / max(1, play)
+        last = int(ends[np.argmin(loose[ends - 1] + 0.01 * distance)])
+        result[last:] = k
+    return result

@@ -1,0 +1,34 @@
+"""The directions in which the tool may be held: rings about the vertical."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+SPACING = np.radians(15.0)
+"""Between neighbouring directions."""
+
+
+def tool_directions(max_tilt: float, spacing: float = SPACING) -> np.ndarray:
+    """(D, 3) unit vectors from the vertical, the first, to ``max_tilt`` radians from it, about ``spacing`` apart."""
+    rings = [np.array([[0.0, 0.0, 1.0]])]
+    count = int(np.floor(max_tilt / spacing + 1e-9))
+    tilts = [spacing * (k + 1) for k in range(count)]
+    if max_tilt - count * spacing > 0.3 * spacing:
+        tilts.append(max_tilt)
+    for k, tilt in enumerate(tilts):
+        around = max(4, round(2.0 * np.pi * np.sin(tilt) / spacing))
+        angle = 2.0 * np.pi * (np.arange(around) + 0.5 * (k % 2)) / around
+        height = np.full(around, np.cos(tilt))
+        rings.append(np.stack([np.sin(tilt) * np.cos(angle), np.sin(tilt) * np.sin(angle), height], axis=1))
+    return np.concatenate(rings)
+
+
+def neighbours(directions: np.ndarray, spacing: float = SPACING) -> np.ndarray:
+    """(D, D) bool: two directions are next to each other."""
+    reach = 2.0 * np.sin(0.5 * 1.3 * spacing)
+    near = np.zeros((len(directions),) * 2, dtype=bool)
+    for i, found in enumerate(cKDTree(directions).query_ball_point(directions, reach)):
+        near[i, found] = True
+    np.fill_diagonal(near, False)
+    return near
