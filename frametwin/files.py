@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import json
 import os
 import re
@@ -20,6 +21,16 @@ PathLike = str | os.PathLike[str]
 def _temporary_name(path: Path) -> Path:
     """Give a hidden name beside ``path`` that nobody else uses (same file system, so renaming is atomic)."""
     return path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
+
+
+def remove_leftovers(path: PathLike) -> None:
+    """Remove what a process that was killed while it wrote ``path`` has left beside it; only its own caller knows."""
+    target = Path(os.path.realpath(path))
+    for rest in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
+        if rest.is_dir():
+            shutil.rmtree(rest, ignore_errors=True)
+        else:
+            rest.unlink(missing_ok=True)
 
 
 def write_bytes(path: PathLike, data: bytes) -> None:

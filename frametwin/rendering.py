@@ -5,13 +5,18 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from frametwin.capture import write_description
 from frametwin.errors import InputError
+from frametwin.files import staged_directory
+from frametwin.formats import defects_json, frame_json
 from frametwin.progress import ProgressCallback
-from frametwin.scene import Scene, read_scene, write_scene
+from frametwin.runs import require_free
+from frametwin.scene import Scene, from_dict, read_scene, write_scene
 from frametwin.worker.client import WorkerClient
 
 
@@ -41,6 +46,54 @@ def render(scene: Path, folder: Path, progress: ProgressCallback | None = None) 
 
     rendered = render_scene(read_scene(scene), folder, progress)
     return made_with(rendered.blender, rendered.engine, rendered.remarks)
+
+
+def render_capture(
+    scene: dict[str, Any],
+    plan: dict[str, Any],
+    out: Path,
+    overwrite: bool = False,
+    progress: ProgressCallback | None = None,
+) -> dict[str, Any]:
+    """Render a scene and write a whole capture, in this very process: the job ``render-capture`` of the worker.
+
+    Parameters
+    ----------
+    scene
+        Content of a scene file; its truth becomes the capture's, and what is not whole of it ``defects.json``.
+    plan
+        Content of a frame file: the plan of the same struts.
+    out, overwrite
+        The capture folder, and whether it may be replaced if it is one.
+    progress
+        See `ProgressCallback`.
+
+    Returns
+    -------
+    ``out``, ``views``, ``blender``, ``engine`` and ``remarks`` as `render`.
+
+    Raises
+    ------
+    InputError
+        As `render`; if plan and truth are not of the same struts, or the folder cannot be written.
+    Cancelled
+        If ``progress`` returns ``False``; nothing is left then.
+    """
+    from frametwin.blender.render import render_scene
+
+    content = from_dict(scene, "scene of the request")
+    frame = frame_json.parse({"name": "frame", **plan}, "plan of the request")
+    require_free(out, overwrite, "transforms.json")
+    defects = defects_json.to_dict(content.present, frame.printed)
+    extra = {defects_json.FILE_NAME: defects} if len(defects["struts"]) else {}
+    with staged_directory(out, overwrite) as stage:
+        cameras = write_description(stage, frame, content.cameras, content.truth, extra, name=out)
+        rendered = render_scene(replace(content, cameras=cameras), stage, progress)
+    return {
+        "out": str(out),
+        "views": len(cameras),
+        **made_with(rendered.blender, rendered.engine, rendered.remarks),
+    }
 
 
 def made_with(blender: str, engine: str, remarks: Sequence[str] = ()) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -100,6 +101,35 @@ def dome_rig(
     turn = np.arange(count)
     elevation = np.arcsin(low + (high - low) * (turn + 0.5) / count)  # equal areas of the band
     return _rig(target, np.radians(start_deg) + GOLDEN_ANGLE * turn, elevation, size, fov_deg, margin)
+
+
+def stepped_back(cameras: Sequence[Camera], target: Wireframe | ArrayLike, factor: float) -> tuple[Camera, ...]:
+    """Cameras that stand further away from what they look at, in the same direction and with the same lens.
+
+    Parameters
+    ----------
+    cameras
+        As from :func:`ring_rig`.
+    target
+        The frame, or its bounding box (2, 3) in mm; its middle is what distances are measured to.
+    factor
+        Of the distance; 1 changes nothing.
+
+    Raises
+    ------
+    InputError
+        If the factor is not above 0.
+    """
+    if not (np.isfinite(factor) and factor > 0.0):
+        raise InputError.at("rig", "distance", f"is {factor:g} times as far", "give a factor above 0, as 1.5")
+    points, _ = _outline(target)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    moved = []
+    for camera in cameras:
+        pose = camera.camera_to_world.copy()
+        pose[:3, 3] -= (factor - 1.0) * float((middle - camera.centre) @ camera.forward) * camera.forward
+        moved.append(replace(camera, camera_to_world=pose))
+    return tuple(moved)
 
 
 def _rig(

@@ -50,9 +50,27 @@ def colour_map() -> np.ndarray:
 
 
 def colour_twin(
-    obj: bpy.types.Object, values: StrutValues, low: float | None = None, high: float | None = None, missing: Any = ()
+    obj: bpy.types.Object,
+    values: StrutValues,
+    low: float | None = None,
+    high: float | None = None,
+    missing: Any = (),
+    strut: np.ndarray | None = None,
 ) -> Legend:
     """Colour the struts of a frame's curve object; what is in ``missing`` gets a colour of its own, NaN another.
+
+    Parameters
+    ----------
+    obj
+        The curve object.
+    values
+        The quantity, of the E struts of the frame.
+    low, high
+        Of the range; 0 and the highest value by default.
+    missing
+        Indices of the struts that are missing.
+    strut
+        (E,) which strut each spline is, where that is known; by default it is found out.
 
     Raises
     ------
@@ -70,7 +88,7 @@ def colour_twin(
     index = np.clip((share * BINS).astype(np.int64), 0, BINS - 1)
     index[~np.isfinite(values.values)] = UNKNOWN
     index[np.asarray(missing, dtype=np.int64)] = MISSING
-    strut = strut_numbers(obj)
+    strut = strut_numbers(obj) if strut is None else strut
     if len(strut) != len(obj.data.splines) or strut.max(initial=-1) >= len(index):
         raise InputError.at(label(obj), "splines", "are not those of this twin", "import the twin again")
     materials, slots = _materials(), obj.data.materials
@@ -96,6 +114,14 @@ def _materials() -> list[bpy.types.Material]:
             shader.inputs["Color"].default_value = (*colour, 1.0)
             tree.links.new(shader.outputs[0], output.inputs["Surface"])
     return [there[i] for i in range(BINS + 2)]
+
+
+def paint(obj: bpy.types.Object, name: str, colour: tuple[float, float, float]) -> None:
+    """Give a curve object one plain material, shared by all that were painted under this name."""
+    material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
+    material.diffuse_color = (*colour, 1.0)
+    obj.data.materials.clear()
+    obj.data.materials.append(material)
 
 
 def remove_unused_colours() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
 
@@ -14,12 +15,14 @@ from frametwin.blender.evaluation import Placement, label
 from frametwin.blender.joints import Reading
 from frametwin.blender.records import FrameRecord, load_record, store_record
 from frametwin.blender.splines import add_struts, has_struts, set_struts
+from frametwin.blender.stepwise import run_steps
 from frametwin.blender.units import mm_per_unit
 from frametwin.errors import InputError
 from frametwin.wireframe import Wireframe
 
 BEVEL_RESOLUTION = 2  # Blender draws 4 sides and 2 for each step
 CURVE_RESOLUTION = 8  # pieces of a strut that are drawn
+STRUTS_A_STEP = 500  # some milliseconds
 
 
 def wireframe_to_curve(
@@ -56,6 +59,18 @@ def wireframe_to_curve(
     InputError
         If ``strut`` has another length.
     """
+    return run_steps(wireframe_to_curve_steps(frame, name=name, collection=collection, scene=scene, strut=strut))
+
+
+def wireframe_to_curve_steps(
+    frame: Wireframe,
+    *,
+    name: str | None = None,
+    collection: bpy.types.Collection | None = None,
+    scene: bpy.types.Scene | None = None,
+    strut: Any = None,
+) -> Generator[None, None, bpy.types.Object]:
+    """Do as `wireframe_to_curve` in steps of a few milliseconds; if they are not gone on with, nothing is left."""
     scene = bpy.context.scene if scene is None else scene
     unit = mm_per_unit(scene)
     numbers = np.arange(frame.strut_count) if strut is None else strut
@@ -73,14 +88,22 @@ def wireframe_to_curve(
         batch=frame.batch,
     )
     curve = bpy.data.curves.new(name or frame.name, "CURVE")
-    curve.dimensions = "3D"
-    curve.bevel_mode = "ROUND"
-    curve.bevel_depth = record.bevel_depth
-    curve.bevel_resolution = BEVEL_RESOLUTION
-    curve.resolution_u = CURVE_RESOLUTION
-    curve.use_fill_caps = True
-    add_struts(curve, record.control_points / unit, record.rounded_factors())
-    store_record(curve, record)
+    try:
+        curve.dimensions = "3D"
+        curve.bevel_mode = "ROUND"
+        curve.bevel_depth = record.bevel_depth
+        curve.bevel_resolution = BEVEL_RESOLUTION
+        curve.resolution_u = CURVE_RESOLUTION
+        curve.use_fill_caps = True
+        points, factors = record.control_points / unit, record.rounded_factors()
+        for first in range(0, len(points), STRUTS_A_STEP):
+            part = slice(first, first + STRUTS_A_STEP)
+            add_struts(curve, points[part], factors[part])
+            yield
+        store_record(curve, record)
+    except BaseException:
+        bpy.data.curves.remove(curve)
+        raise
     obj = bpy.data.objects.new(name or frame.name, curve)
     (scene.collection if collection is None else collection).objects.link(obj)
     return obj

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import bpy
 
 from frametwin.blender.cameras import activate, camera_from_blender, camera_to_blender, cameras_in
-from frametwin.blender.collections import new_collection
-from frametwin.cameras import Camera
+from frametwin.blender.collections import new_collection, remove_collection
+from frametwin.cameras import Camera, read_colmap_text
+from frametwin.capture import read_cameras
 from frametwin.errors import InputError
-from frametwin.rigs import dome_rig, ring_rig
+from frametwin.files import PathLike
+from frametwin.rigs import dome_rig, ring_rig, stepped_back
 from frametwin.wireframe import Wireframe
 
 RIGS: dict[str, Callable[..., tuple[Camera, ...]]] = {"ring": ring_rig, "dome": dome_rig}
@@ -57,7 +60,12 @@ def rig_to_blender(
 
 
 def rig_around(
-    frame: Wireframe, rig: str = "ring", scene: bpy.types.Scene | None = None, name: str = "Cameras", **settings: object
+    frame: Wireframe,
+    rig: str = "ring",
+    scene: bpy.types.Scene | None = None,
+    name: str = "Cameras",
+    distance: float = 1.0,
+    **settings: object,
 ) -> bpy.types.Collection:
     """Put a rig of cameras around a frame.
 
@@ -69,6 +77,8 @@ def rig_around(
         One of `RIGS`.
     scene, name
         See `rig_to_blender`.
+    distance
+        How far away the cameras stand, as a multiple of the least distance from which they see all of the frame.
     settings
         Of `ring_rig` or `dome_rig`: count, size, elevation_deg, fov_deg, margin, start_deg.
 
@@ -77,9 +87,50 @@ def rig_around(
     InputError
         For an unknown rig or settings out of range.
     """
+    return rig_to_blender(rig_cameras(frame, rig, distance, **settings), scene, name, target=frame)
+
+
+def replace_rig(
+    old: bpy.types.Collection | None,
+    cameras: Sequence[Camera],
+    scene: bpy.types.Scene,
+    target: Wireframe | None = None,
+) -> bpy.types.Collection:
+    """Put cameras into the scene in the place of an earlier rig, under its name; see `rig_to_blender`."""
+    name = "Cameras"
+    if old is not None and old in scene.collection.children_recursive:
+        name = old.name
+        remove_collection(old)
+    return rig_to_blender(cameras, scene, name, target=target)
+
+
+def rig_cameras(frame: Wireframe, rig: str = "ring", distance: float = 1.0, **settings: object) -> tuple[Camera, ...]:
+    """The cameras of a rig around a frame, not in any scene yet; see `rig_around`."""
     if rig not in RIGS:
         raise InputError.at("rig", "rig", f"{rig!r} is not known", f"give one of {', '.join(RIGS)}")
-    return rig_to_blender(RIGS[rig](frame, **settings), scene, name, target=frame)
+    return stepped_back(RIGS[rig](frame, **settings), frame, distance)
+
+
+def read_calibration(path: PathLike) -> tuple[Camera, ...]:
+    """Read calibrated cameras.
+
+    Parameters
+    ----------
+    path
+        A ``transforms.json`` (nerfstudio's, poses in mm), a capture folder that holds one, or a folder with a COLMAP
+        text model (``cameras.txt`` and ``images.txt``) or one of its files.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or damaged.
+    """
+    source = Path(path)
+    if source.name in ("cameras.txt", "images.txt"):
+        source = source.parent
+    if source.is_dir() and not (source / "transforms.json").is_file():
+        return tuple(read_colmap_text(source))
+    return read_cameras(source / "transforms.json" if source.is_dir() else source)
 
 
 def cameras_from_collection(

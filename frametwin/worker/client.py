@@ -19,7 +19,7 @@ import atexit
 import os
 import threading
 import weakref
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -53,6 +53,9 @@ class WorkerClient:
         Environment variables to set, or with ``None`` to remove.
     package_root
         To take ``frametwin`` from the folder that holds it and not from where it is installed.
+    command
+        The whole command that starts the worker, where that is not ``python -m frametwin.worker``: a Blender is told
+        differently what to run. ``python`` then only names it in messages.
 
     Attributes
     ----------
@@ -67,8 +70,10 @@ class WorkerClient:
         cwd: str | os.PathLike[str] | None = None,
         environment: Mapping[str, str | None] | None = None,
         package_root: str | os.PathLike[str] | None = None,
+        command: Sequence[str] | None = None,
     ) -> None:
         self.python = os.fspath(python)
+        self._command = [self.python, "-m", "frametwin.worker"] if command is None else list(command)
         self.versions: dict[str, Any] = {}
         self._cwd = cwd
         self._environment = worker_environment(self.python, package_root, environment)
@@ -123,11 +128,10 @@ class WorkerClient:
             raise FrameTwinError("this client has been started before; make another one")
         if self._cwd is not None and not os.path.isdir(self._cwd):
             raise InputError.at(self._cwd, "working folder", "does not exist", "give a folder that exists")
-        command = [self.python, "-m", "frametwin.worker"]
         self._scratch = make_scratch()
         environment = {**self._environment, **scratch_environment(self._scratch)}
         try:
-            self._child = Child(command, self._cwd, environment, self._hear, self._bury)
+            self._child = Child(self._command, self._cwd, environment, self._hear, self._bury)
         except (OSError, ValueError) as error:
             remove_scratch(self._scratch)
             reason = getattr(error, "strerror", None) or str(error)

@@ -22,6 +22,7 @@ JOBS: dict[str, str] = {
     "evaluate": "frametwin.worker.tasks:evaluate",
     "adapt": "frametwin.worker.tasks:adapt",
     "render": "frametwin.rendering:render",
+    "render-capture": "frametwin.rendering:render_capture",
     "dataset-sample": "frametwin.dataset.jobs:sample",
     "dataset-plan": "frametwin.dataset.jobs:plan",
     "dataset-open": "frametwin.dataset.jobs:open_run",

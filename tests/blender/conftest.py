@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import importlib.util
+import os
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +17,11 @@ import pytest
 from frametwin.wireframe import Wireframe
 
 REASON = "Blender is absent: install the bpy wheel (pip install bpy), 4.5 for Python 3.11 or 5.2 for 3.13"
+
+# Blender looks for it once, when it is loaded: a profile of the tests' own, in which they may install extensions.
+if "BLENDER_USER_RESOURCES" not in os.environ:
+    os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="frametwin-profile-")
+    atexit.register(shutil.rmtree, os.environ["BLENDER_USER_RESOURCES"], ignore_errors=True)
 
 
 class WithoutBlender(pytest.Module):
@@ -38,6 +47,19 @@ def empty_scene() -> Iterator[Any]:
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     yield bpy.context.scene
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+
+
+@pytest.fixture(scope="session")
+def extension(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The add-on, built as for users, installed and enabled; its module."""
+    import extension_cases as cases
+
+    archive = cases.build_zip(tmp_path_factory.mktemp("extension"))
+    cases.install(archive)
+    yield cases.MODULE
+    import bpy
+
+    bpy.ops.preferences.addon_disable(module=cases.MODULE)
 
 
 @pytest.fixture

@@ -1,0 +1,28 @@
+"""FrameTwin in Blender's sidebar: registration alone."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import adapt, cameras, deform, fit, legend, plan, preferences, properties, render, session, twin
+
+MODULES = (properties, preferences, plan, deform, cameras, render, fit, twin, adapt)
+"""In the order of their panels."""
+
+CLASSES = tuple(cls for module in (*MODULES, session) for cls in module.CLASSES)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.frametwin = bpy.props.PointerProperty(type=properties.FrameTwinSettings)
+    session.register()
+    legend.register()
+
+
+def unregister() -> None:
+    legend.unregister()
+    session.unregister()
+    del bpy.types.Scene.frametwin
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

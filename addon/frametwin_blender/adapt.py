@@ -1,0 +1,113 @@
+"""Step 7, what is still to be printed: moved to meet the twin."""
+
+# No postponed annotations here: Blender reads them as properties.
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+
+from frametwin.blender.adapted import find_adapted, show_adapted_steps
+from frametwin.blender.curves import wireframe_from_curve
+from frametwin.blender.exports import export_curve
+from frametwin.blender.runner import Job
+from frametwin.blender.twins import find_twin
+from frametwin.errors import InputError
+
+from . import session
+from .fit import start_run
+from .preferences import python_worker, worker_kind
+from .steps import FileStep, Panel, Step, draw_progress, is_free, needs, twin_of, write_text
+
+TITLE = "Adapt"
+
+
+def adapt_job(context: bpy.types.Context) -> Job:
+    """What the worker has to do.
+
+    Raises
+    ------
+    FrameTwinError
+        If the twin has no run folder, or nothing is left to print.
+    """
+    collection, scene = twin_of(context), context.scene
+    frame = wireframe_from_curve(find_twin(collection).plan, evaluated=False)
+    if frame.printed.all():
+        remedy = "fit a capture in which struts are still to be printed (Deform > Printed)"
+        raise InputError.at(frame.name, "printed", "all struts are printed, so nothing is left to adapt", remedy)
+
+    def finish(answer):
+        yield from show_adapted_steps(frame, answer, collection, scene)
+        return (
+            f"{answer['moved']} of {len(answer['struts'])} struts to print are moved,"
+            f" by {answer['largest_displacement']:.3g} mm at most"
+        )
+
+    return Job(
+        title=TITLE,
+        request="adapt",
+        parameters={"run": start_run(context)},
+        worker=python_worker,
+        kind=worker_kind(),
+        finish=finish,
+    )
+
+
+class FRAMETWIN_OT_adapt(Step, bpy.types.Operator):
+    """Move the struts that are still to be printed so that they meet the twin, and show them before and after"""
+
+    bl_idname = "frametwin.adapt"
+    bl_label = "Adapt"
+    bl_options: ClassVar = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, twin_of(context), "Fit a capture or import a run first") and is_free(cls)
+
+    def act(self, context):
+        session.start(adapt_job(context))
+
+
+class FRAMETWIN_OT_export_adapted(FileStep, bpy.types.Operator):
+    """Write the struts that are still to be printed, as they shall be: a frame file (.json) or lines (.obj)"""
+
+    bl_idname = "frametwin.export_adapted"
+    bl_label = "Export Adapted"
+    bl_options: ClassVar = {"REGISTER"}
+
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(default="*.json;*.obj", options={"HIDDEN"})  # type: ignore[valid-type]
+
+    @classmethod
+    def poll(cls, context):
+        twin = twin_of(context)
+        return needs(cls, twin is not None and find_adapted(twin), "Press Adapt first")
+
+    def act(self, context):
+        path = Path(bpy.path.abspath(self.filepath))
+        export_curve(find_adapted(twin_of(context)).after, path)
+        return f"Wrote {path}"
+
+
+class FRAMETWIN_PT_adapt(Panel, bpy.types.Panel):
+    """What is still to be printed"""
+
+    bl_label = "Adapt"
+    bl_idname = "FRAMETWIN_PT_adapt"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, twin = self.layout, twin_of(context)
+        if twin is None:
+            write_text(layout, "Fit a partly printed frame first; then its other struts are moved.", context, "INFO")
+            return
+        if not draw_progress(layout, context, TITLE):
+            layout.operator("frametwin.adapt", icon="MOD_CURVE")
+        adapted = find_adapted(twin)
+        if adapted is not None:
+            column = layout.column(align=True)
+            column.prop(adapted.before, "hide_viewport", text="Hide planned", toggle=True)
+            column.prop(adapted.after, "hide_viewport", text="Hide adapted", toggle=True)
+            layout.operator("frametwin.export_adapted", icon="EXPORT")
+
+
+CLASSES = (FRAMETWIN_OT_adapt, FRAMETWIN_OT_export_adapted, FRAMETWIN_PT_adapt)

@@ -1,0 +1,223 @@
+"""Step 3, the cameras: a rig around the frame, or the calibrated ones of a capture."""
+
+# No postponed annotations here: Blender reads them as properties.
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+
+from frametwin.blender.captures import hide_pictures, next_camera, show_pictures
+from frametwin.blender.prints import read_print
+from frametwin.blender.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
+from frametwin.cameras import Camera
+from frametwin.errors import InputError
+from frametwin.wireframe import Wireframe
+
+from .folders import given_folder
+from .steps import FileStep, Panel, Step, needs, plan_of, print_of, rig_of, settings_of, write_text
+from .views import look_through_camera, show_picture_beside
+
+
+def wanted_cameras(context: bpy.types.Context) -> tuple[tuple[Camera, ...], Wireframe]:
+    """Cameras as the panel says, and the frame that they look at: the plan and the print together.
+
+    Raises
+    ------
+    FrameTwinError
+        If plan or print cannot be read, or a setting is out of range.
+    """
+    settings = settings_of(context).cameras
+    real = read_print(plan_of(context), print_of(context), context.scene)
+    both = Wireframe.create(
+        [*real.plan.vertices, *real.truth.vertices],
+        [*real.plan.edges, *(real.truth.edges + real.plan.vertex_count)],
+        control_points=[*real.plan.control_points, *real.truth.control_points],
+        radius=float(real.plan.radius.max()),
+    )
+    low, high = sorted((settings.low, settings.high))
+    cameras = rig_cameras(
+        both,
+        settings.kind,
+        settings.distance,
+        count=settings.count,
+        size=(settings.height, settings.width),
+        elevation_deg=(low, high),
+        fov_deg=settings.lens,
+    )
+    return cameras, both
+
+
+class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
+    """Put cameras around the frame, in the place of the rig that is there"""
+
+    bl_idname = "frametwin.make_rig"
+    bl_label = "Make Rig"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, plan_of(context), "Import or add a frame first")
+
+    def act(self, context):
+        cameras, target = wanted_cameras(context)
+        settings = settings_of(context)
+        settings.rig = replace_rig(settings.rig, cameras, context.scene, target)
+        return f"{len(cameras)} cameras"
+
+
+class FRAMETWIN_OT_import_cameras(FileStep, bpy.types.Operator):
+    """Read calibrated cameras: transforms.json (nerfstudio, in mm), or cameras.txt beside images.txt (COLMAP)"""
+
+    bl_idname = "frametwin.import_cameras"
+    bl_label = "Import Cameras"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(default="*.json;*.txt", options={"HIDDEN"})  # type: ignore[valid-type]
+
+    def act(self, context):
+        cameras = read_calibration(Path(bpy.path.abspath(self.filepath)))
+        settings = settings_of(context)
+        settings.rig = replace_rig(settings.rig, cameras, context.scene)
+        return f"{len(cameras)} cameras"
+
+
+class _RigStep(Step):
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, rig_of(context), "Make a rig or import cameras first")
+
+
+class FRAMETWIN_OT_step_camera(_RigStep, bpy.types.Operator):
+    """Look through the next camera of the rig, or the one before"""
+
+    bl_idname = "frametwin.step_camera"
+    bl_label = "Look Through"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
+
+    def act(self, context):
+        camera = next_camera(rig_of(context), self.step, context.scene)
+        look_through_camera(context)
+        return camera.name
+
+
+class FRAMETWIN_OT_show_pictures(_RigStep, bpy.types.Operator):
+    """Show the capture's pictures in the views of its cameras, over or under the curves"""
+
+    bl_idname = "frametwin.show_pictures"
+    bl_label = "Overlay"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def act(self, context):
+        settings = settings_of(context)
+        capture = given_folder(settings.fit.capture, "Capture")
+        wanted = settings.cameras
+        count = show_pictures(rig_of(context), capture, opacity=wanted.opacity, front=wanted.front)
+        look_through_camera(context)
+        return f"{count} pictures"
+
+
+class FRAMETWIN_OT_hide_pictures(_RigStep, bpy.types.Operator):
+    """Show no pictures in the views of the cameras"""
+
+    bl_idname = "frametwin.hide_pictures"
+    bl_label = "Hide Pictures"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def act(self, context):
+        hide_pictures(rig_of(context))
+
+
+class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
+    """Show the picture of the present camera in an image editor beside the 3D view"""
+
+    bl_idname = "frametwin.picture_beside"
+    bl_label = "Side by Side"
+    bl_options: ClassVar = {"REGISTER"}
+
+    def act(self, context):
+        settings, scene = settings_of(context), context.scene
+        capture = given_folder(settings.fit.capture, "Capture")
+        rig = rig_of(context)
+        if scene.camera is None or scene.camera.name not in rig.all_objects:
+            next_camera(rig, 1, scene)
+        show_pictures(rig, capture, opacity=settings.cameras.opacity, front=settings.cameras.front)
+        shown = scene.camera.data.background_images
+        if not len(shown):
+            raise InputError.at(scene.camera.name, "picture", "the capture has none of it", "step to another camera")
+        look_through_camera(context)
+        scene.camera.data.show_background_images = False
+        if not show_picture_beside(context, shown[0].image):
+            raise InputError.at("Blender", "window", "there is none", "open Blender with its window")
+        return shown[0].image.name
+
+
+class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
+    """Where the pictures are taken from"""
+
+    bl_label = "Cameras"
+    bl_idname = "FRAMETWIN_PT_cameras"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        settings, layout = settings_of(context), self.layout
+        wanted, rig = settings.cameras, rig_of(context)
+        layout.use_property_split, layout.use_property_decorate = True, False
+        if plan_of(context) is None:
+            write_text(layout, "Add a plan to put a rig around it, or import calibrated cameras.", context, "INFO")
+        else:
+            column = layout.column(align=True)
+            column.prop(wanted, "kind")
+            column.prop(wanted, "count")
+            column.prop(wanted, "distance")
+            column = layout.column(align=True)
+            column.prop(wanted, "low")
+            column.prop(wanted, "high")
+            column.prop(wanted, "lens")
+            column = layout.column(align=True)
+            column.prop(wanted, "width")
+            column.prop(wanted, "height")
+        row = layout.row(align=True)
+        row.operator("frametwin.make_rig", text="Replace Rig" if rig else "Make Rig", icon="OUTLINER_OB_CAMERA")
+        row.operator("frametwin.import_cameras", text="Import", icon="IMPORT")
+        if rig is not None:
+            self._draw_rig(layout, context, rig)
+
+    def _draw_rig(self, layout, context, rig):
+        wanted, camera = settings_of(context).cameras, context.scene.camera
+        row = layout.row(align=True)
+        row.operator("frametwin.step_camera", text="", icon="TRIA_LEFT").step = -1
+        inside = camera is not None and camera.name in rig.all_objects
+        row.operator("frametwin.step_camera", text=camera.name if inside else "Look Through").step = 1
+        row.operator("frametwin.step_camera", text="", icon="TRIA_RIGHT").step = 1
+        if settings_of(context).fit.capture:
+            row = layout.row(align=True)
+            row.operator("frametwin.show_pictures", icon="IMAGE_BACKGROUND")
+            row.operator("frametwin.picture_beside")
+            row.operator("frametwin.hide_pictures", text="", icon="X")
+            layout.prop(wanted, "opacity")
+            layout.prop(wanted, "front")
+
+
+def cameras_of(context: bpy.types.Context) -> tuple[Camera, ...]:
+    """The cameras of the scene's rig.
+
+    Raises
+    ------
+    FrameTwinError
+        If one of them cannot be read.
+    """
+    return cameras_from_collection(rig_of(context), context.scene)
+
+
+CLASSES = (
+    FRAMETWIN_OT_make_rig,
+    FRAMETWIN_OT_import_cameras,
+    FRAMETWIN_OT_step_camera,
+    FRAMETWIN_OT_show_pictures,
+    FRAMETWIN_OT_hide_pictures,
+    FRAMETWIN_OT_picture_beside,
+    FRAMETWIN_PT_cameras,
+)

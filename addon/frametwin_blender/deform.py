@@ -1,0 +1,146 @@
+"""Step 2, the real print: how it sags, how much of it is printed, what is missing."""
+
+# No postponed annotations here: Blender reads them as properties.
+from typing import ClassVar
+
+import bpy
+
+from frametwin.blender.evaluation import label
+from frametwin.blender.plan_objects import make_active
+from frametwin.blender.plans import plan_from_object
+from frametwin.blender.prints import copy_to_bend, partly_printed, show_print_steps
+from frametwin.blender.runner import Job
+from frametwin.formats import frame_json
+
+from . import session
+from .preferences import python_worker, worker_kind
+from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
+
+TITLE = "Sag"
+
+
+def sag_job(context: bpy.types.Context) -> Job:
+    """What the worker has to do, as the panel says.
+
+    Raises
+    ------
+    FrameTwinError
+        If the plan cannot be read, or nothing of it would be printed.
+    """
+    settings, scene = settings_of(context).deform, context.scene
+    plan_object = plan_of(context)
+    frame = plan_from_object(plan_object, scene=scene)
+    if settings.how != "share":
+        frame = partly_printed(frame, settings.how, getattr(settings, settings.how, 1.0))
+    wanted = {
+        "deformation": settings.kind,
+        "seed": settings.seed,
+        "missing": settings.missing,
+        "missing_share": settings.missing_share,
+        **({} if settings.automatic else {"peak": settings.peak}),
+        **({"printed": settings.share} if settings.how == "share" else {}),
+    }
+
+    def finish(answer):
+        obj = yield from show_print_steps(frame, answer, scene)
+        old = scene.frametwin.print_object
+        if old is not None and old != scene.frametwin.plan and old.get("frametwin_simulated"):
+            bpy.data.objects.remove(old)
+        obj["frametwin_simulated"] = True
+        scene.frametwin.print_object = obj
+        hide_plan(scene)
+        missing = len(answer["missing"])
+        return (
+            f"{answer['printed']} of {answer['struts']} struts printed"
+            f"{f', {missing} not whole' if missing else ''}, moved {answer['largest_displacement']:.3g} mm at most"
+        )
+
+    return Job(
+        title=TITLE,
+        request="simulate",
+        parameters={"frame": frame_json.to_dict(frame), "settings": wanted},
+        worker=python_worker,
+        kind=worker_kind(),
+        finish=finish,
+    )
+
+
+def hide_plan(scene: bpy.types.Scene) -> None:
+    """Hide the plan, which stands where the print is shown; the outliner's screen brings it back."""
+    plan = scene.frametwin.plan
+    if plan is not None:
+        plan.hide_viewport = True
+
+
+class FRAMETWIN_OT_sag(Step, bpy.types.Operator):
+    """Compute how the print deviates from the plan, and show it beside the plan"""
+
+    bl_idname = "frametwin.sag"
+    bl_label = "Deform"
+    bl_options: ClassVar = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, plan_of(context), "Import or add a frame first") and is_free(cls)
+
+    def act(self, context):
+        session.start(sag_job(context))
+
+
+class FRAMETWIN_OT_copy_to_bend(Step, bpy.types.Operator):
+    """Make a copy of the plan to bend by hand (Edit Mode) or by modifiers; it becomes the print"""
+
+    bl_idname = "frametwin.copy_to_bend"
+    bl_label = "Bend by Hand"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, plan_of(context), "Import or add a frame first")
+
+    def act(self, context):
+        obj = copy_to_bend(plan_of(context), context.scene)
+        make_active(obj)
+        settings_of(context).print_object = obj
+        hide_plan(context.scene)
+        return f"Bend {label(obj)} in Edit Mode or by modifiers, and render it"
+
+
+class FRAMETWIN_PT_deform(Panel, bpy.types.Panel):
+    """The real print: simulated here, or bent by you"""
+
+    bl_label = "Deform"
+    bl_idname = "FRAMETWIN_PT_deform"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        if plan_of(context) is None:
+            write_text(layout, "Add a plan first. With real pictures, go on to Fit.", context, "INFO")
+            return
+        settings = settings_of(context).deform
+        layout.use_property_split, layout.use_property_decorate = True, False
+        column = layout.column(align=True)
+        column.prop(settings, "kind")
+        column.prop(settings, "automatic", text="Peak 7 %")
+        row = column.row()
+        row.enabled = not settings.automatic
+        row.prop(settings, "peak")
+        column.prop(settings, "seed")
+        column = layout.column(align=True)
+        column.prop(settings, "how")
+        if settings.how != "all":
+            column.prop(settings, settings.how)
+        column = layout.column(align=True)
+        column.prop(settings, "missing")
+        if settings.missing:
+            column.prop(settings, "missing_share")
+        if not draw_progress(layout, context, TITLE):
+            row = layout.row(align=True)
+            row.operator("frametwin.sag", icon="PHYSICS")
+            row.operator("frametwin.copy_to_bend", text="By Hand")
+        layout.use_property_split = False
+        layout.prop(settings_of(context), "print_object", text="Print")
+
+
+CLASSES = (FRAMETWIN_OT_sag, FRAMETWIN_OT_copy_to_bend, FRAMETWIN_PT_deform)

@@ -1,0 +1,174 @@
+"""Step 5, the fit: from a capture to the twin, in the worker."""
+
+# No postponed annotations here: Blender reads them as properties.
+from typing import ClassVar
+
+import bpy
+import numpy as np
+
+from frametwin.blender.plan_objects import PlanSummary, add_plan
+from frametwin.blender.preview import remove_preview, show_preview
+from frametwin.blender.rigs import read_calibration, replace_rig
+from frametwin.blender.runner import Job
+from frametwin.blender.stepwise import run_steps
+from frametwin.blender.twins import RUN_KEY, TwinContent, show_twin_steps
+from frametwin.capture import read_capture
+from frametwin.errors import InputError
+from frametwin.files import remove_leftovers
+
+from . import session
+from .deform import hide_plan
+from .folders import fresh_folder, given_folder
+from .plan import take_plan
+from .preferences import python_worker, worker_kind
+from .steps import Panel, Step, draw_progress, is_free, needs, settings_of, twin_of, write_text
+from .views import frame_selected
+
+TITLE = "Fit"
+
+
+def fit_job(context: bpy.types.Context) -> Job:
+    """What the worker has to do, as the panel says.
+
+    Raises
+    ------
+    FrameTwinError
+        If the capture cannot be read.
+    """
+    settings, scene = settings_of(context), context.scene
+    capture = given_folder(settings.fit.capture, "Capture")
+    truth = capture if read_capture(capture).truth is not None else None
+    out = fresh_folder(context, "run")
+    parameters = {"capture": capture, "out": out, "preset": settings.fit.preset, "seed": settings.fit.seed}
+    if settings.fit.warm:
+        parameters["warm_start"] = start_run(context)
+
+    def finish(content):
+        shown = yield from show_twin_steps(content, scene=scene)
+        scene.frametwin.twin = shown.collection
+        hide_plan(scene)
+        if scene.frametwin.print_object is not None:
+            scene.frametwin.print_object.hide_viewport = True
+        return words_of(content)
+
+    return Job(
+        title=TITLE,
+        request="fit",
+        parameters=parameters,
+        worker=python_worker,
+        kind=worker_kind(),
+        on_curves=lambda curves: show_preview(curves, scene),
+        clear=lambda: remove_preview(scene),
+        load=lambda answer: TwinContent.read(answer["out"], truth),
+        finish=finish,
+        clean=lambda: remove_leftovers(out),
+    )
+
+
+def start_run(context: bpy.types.Context) -> str:
+    """The run folder of the twin that is shown.
+
+    Raises
+    ------
+    InputError
+        If none is shown, or it was not read from a folder.
+    """
+    twin = twin_of(context)
+    folder = "" if twin is None else twin.get(RUN_KEY, "")
+    if not folder:
+        raise InputError.at("panel", "Start at This Twin", "there is no twin with a run folder", "switch it off")
+    return folder
+
+
+def words_of(content: TwinContent) -> str:
+    """What a fit found, in a line."""
+    moved = content.values["displacement"].values[content.frame.printed]
+    faults = [
+        f"{len(found)} {name}" for name, found in (("missing", content.missing), ("uncertain", content.uncertain))
+    ]
+    return f"{len(moved)} struts found, {np.mean(moved):.3g} mm from the plan on average; {', '.join(faults)}"
+
+
+class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
+    """Bring the plan and the cameras of the capture folder into the scene"""
+
+    bl_idname = "frametwin.open_capture"
+    bl_label = "Show Plan and Cameras"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, settings_of(context).fit.capture, "Choose a capture folder first")
+
+    def act(self, context):
+        settings = settings_of(context)
+        folder = given_folder(settings.fit.capture, "Capture")
+        capture, cameras = read_capture(folder), read_calibration(folder)
+        words = take_plan(context, add_plan(capture.frame, context.scene), PlanSummary.of(capture.frame))
+        settings.rig = replace_rig(settings.rig, cameras, context.scene, capture.frame)
+        frame_selected(context)
+        return f"{words}; {len(cameras)} cameras"
+
+
+class FRAMETWIN_OT_fit(Step, bpy.types.Operator):
+    """Find where every strut of the capture really is; Blender stays free meanwhile"""
+
+    bl_idname = "frametwin.fit"
+    bl_label = "Fit"
+    bl_options: ClassVar = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, settings_of(context).fit.capture, "Choose or render a capture first") and is_free(cls)
+
+    def act(self, context):
+        session.start(fit_job(context))
+
+
+class FRAMETWIN_OT_import_run(Step, bpy.types.Operator):
+    """Show the twin of a run folder, as written by a fit or by the command frametwin fit"""
+
+    bl_idname = "frametwin.import_run"
+    bl_label = "Import Run"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def act(self, context):
+        content = TwinContent.read(given_folder(self.directory, "Run"))
+        shown = run_steps(show_twin_steps(content, scene=context.scene))
+        settings_of(context).twin = shown.collection
+        return words_of(content)
+
+
+class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
+    """From pictures to the twin"""
+
+    bl_label = "Fit"
+    bl_idname = "FRAMETWIN_PT_fit"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        settings, layout = settings_of(context).fit, self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        if not settings.capture:
+            write_text(layout, "Render a capture, or choose a folder with your own pictures.", context, "INFO")
+        column = layout.column(align=True)
+        column.prop(settings, "capture")
+        column.prop(settings, "preset")
+        if settings.preset != "fast":
+            column.prop(settings, "seed")
+        elif twin_of(context) is not None:
+            column.prop(settings, "warm")
+        if not draw_progress(layout, context, TITLE):
+            layout.operator("frametwin.fit", icon="MOD_FLUIDSIM")
+        row = layout.row(align=True)
+        row.operator("frametwin.open_capture", text="Open Capture", icon="SCENE_DATA")
+        row.operator("frametwin.import_run", icon="IMPORT")
+
+
+CLASSES = (FRAMETWIN_OT_open_capture, FRAMETWIN_OT_fit, FRAMETWIN_OT_import_run, FRAMETWIN_PT_fit)

@@ -1,0 +1,87 @@
+"""What the colours of the twin mean, drawn into the viewport."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from frametwin.blender.colours import Legend, colour_map
+from frametwin.blender.twin_records import load_legend
+
+from .steps import twin_of
+
+WIDTH, HEIGHT, MARGIN, TEXT = 220, 14, 24, 12  # pixels at a resolution scale of 1
+_handle: object | None = None
+
+
+def register() -> None:
+    """Begin to draw."""
+    global _handle
+    if _handle is None:
+        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister() -> None:
+    """Draw no more."""
+    global _handle
+    if _handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+        _handle = None
+
+
+def _draw() -> None:
+    context = bpy.context
+    settings = getattr(context.scene, "frametwin", None)
+    if settings is None or not settings.view.legend or not context.space_data.overlay.show_overlays:
+        return
+    collection = twin_of(context)
+    legend = None if collection is None else load_legend(collection)
+    if legend is not None and not context.view_layer.layer_collection.exclude:
+        _draw_legend(legend, context.preferences.system.ui_scale, context.region)
+
+
+def _draw_legend(legend: Legend, scale: float, region: bpy.types.Region) -> None:
+    left, low = MARGIN * scale, (MARGIN + 2 * TEXT) * scale
+    width, height = min(WIDTH * scale, region.width - 2 * left), HEIGHT * scale
+    _draw_bar(left, low, width, height)
+    unit = f" ({legend.unit})" if legend.unit else ""
+    name = legend.quantity.replace("_", " ").capitalize()
+    _write(name + unit, left, low + height + 6 * scale, scale)
+    for share in (0.0, 0.5, 1.0):
+        value = legend.low + share * (legend.high - legend.low)
+        _write(f"{value:.3g}", left + share * width, low - (TEXT + 5) * scale, scale, centred=share)
+
+
+def _draw_bar(left: float, low: float, width: float, height: float) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    colours = colour_map()[: len(colour_map()) - 2]
+    edges = left + width * np.linspace(0.0, 1.0, len(colours) + 1)
+    corners, shades = [], []
+    for i, colour in enumerate(colours.tolist()):
+        a, b = edges[i], edges[i + 1]
+        corners += [(a, low), (b, low), (b, low + height), (a, low), (b, low + height), (a, low + height)]
+        shades += [(*_shown(colour), 1.0)] * 6
+    shader = gpu.shader.from_builtin("FLAT_COLOR")
+    batch_for_shader(shader, "TRIS", {"pos": corners, "color": shades}).draw(shader)
+
+
+def _shown(colour: list[float]) -> list[float]:
+    """A scene-linear colour as the screen wants it."""
+    return [12.92 * c if c <= 0.0031308 else 1.055 * c ** (1.0 / 2.4) - 0.055 for c in colour]
+
+
+def _write(text: str, x: float, y: float, scale: float, centred: float = 0.0) -> None:
+    import blf
+
+    blf.size(0, TEXT * scale)
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 3, 0.0, 0.0, 0.0, 1.0)
+    blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    blf.position(0, x - centred * blf.dimensions(0, text)[0], y, 0)
+    blf.draw(0, text)
+    blf.disable(0, blf.SHADOW)
+
+
+CLASSES = ()

@@ -1,0 +1,229 @@
+"""Step 1, the plan: where the frame comes from, and whether it can be printed."""
+
+# No postponed annotations here: Blender reads them as properties.
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+import numpy as np
+
+from frametwin.blender.plan_objects import PlanSummary, add_plan, plan_summary, show_struts, use_millimetres
+from frametwin.blender.plans import READABLE
+from frametwin.blender.units import mm_per_unit
+from frametwin.errors import InputError
+from frametwin.formats import read_frame
+from frametwin.parametric import named_frame
+from frametwin.wireframe import Wireframe
+
+from .steps import FileStep, Panel, Step, needs, plan_of, settings_of, write_text
+from .views import frame_selected
+
+
+def take_plan(context: bpy.types.Context, obj: bpy.types.Object, summary: PlanSummary) -> str:
+    """Make an object the scene's plan; returns what there is to say of it."""
+    settings = settings_of(context)
+    settings.plan, settings.print_object = obj, None
+    note_summary(settings.about_plan, obj, summary)
+    faults = f", {len(summary.problems)} things to look at" if summary.problems else ""
+    return f"{obj.name}: {summary.struts} struts, {summary.joints} joints{faults}"
+
+
+def note_summary(about: bpy.types.PropertyGroup, obj: bpy.types.Object, summary: PlanSummary) -> None:
+    """Remember a summary, so that the panel need not read the object each time that it is drawn."""
+    about.checked, about.struts, about.joints = obj.name, summary.struts, summary.joints
+    about.size, about.radius = summary.size, summary.radius
+    about.problems.clear()
+    for problem in summary.problems:
+        item = about.problems.add()
+        item.kind, item.sentence = problem.kind, problem.sentence
+        item["struts"] = np.array(problem.struts, dtype=np.int32)
+
+
+def take_frame(context: bpy.types.Context, frame: Wireframe) -> str:
+    """Put a frame into the scene as its plan."""
+    summary = PlanSummary.of(frame)
+    words = take_plan(context, add_plan(frame, context.scene), summary)
+    frame_selected(context)
+    return words
+
+
+class FRAMETWIN_OT_add_frame(Step, bpy.types.Operator):
+    """Add one of the project's own frames as the plan, to try things out without a file"""
+
+    bl_idname = "frametwin.add_frame"
+    bl_label = "Add Frame"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def act(self, context):
+        return take_frame(context, named_frame(settings_of(context).about_plan.frame))
+
+
+class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
+    """Read a frame file as the plan: frame.json, OBJ lines, assembly JSON, Node/Edge text, or a mesh; in millimetres"""
+
+    bl_idname = "frametwin.import_frame"
+    bl_label = "Import Frame"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
+        default="*.json;*.obj;*.txt;*.stl;*.ply;*.off", options={"HIDDEN"}
+    )
+
+    def act(self, context):
+        return take_frame(context, read_importable(Path(bpy.path.abspath(self.filepath))))
+
+
+def read_importable(path: Path) -> Wireframe:
+    """Read a frame file in Blender, where other meshes than OBJ are read by Blender itself.
+
+    Raises
+    ------
+    InputError
+        As `read_frame`; for meshes, with the way by which they become a plan.
+    """
+    if path.suffix.lower() in (".stl", ".ply", ".off", ".glb", ".gltf"):
+        remedy = "import it by File > Import, select it, and press Use Selected"
+        raise InputError.at(path, "file", "is a mesh, which Blender itself imports", remedy)
+    return read_frame(path)
+
+
+class FRAMETWIN_OT_use_selected(Step, bpy.types.Operator):
+    """Take the active mesh (its edges) or curve as the plan"""
+
+    bl_idname = "frametwin.use_selected"
+    bl_label = "Use Selected"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        fine = context.object is not None and context.object.type in READABLE
+        return needs(cls, fine, "Select a mesh or a curve first")
+
+    def act(self, context):
+        return take_plan(context, context.object, plan_summary(context.object, context.scene))
+
+
+class FRAMETWIN_OT_check_plan(Step, bpy.types.Operator):
+    """Look through the plan again, after it was changed"""
+
+    bl_idname = "frametwin.check_plan"
+    bl_label = "Check Again"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, plan_of(context), "Import or add a frame first")
+
+    def act(self, context):
+        plan = plan_of(context)
+        summary = plan_summary(plan, context.scene)
+        note_summary(settings_of(context).about_plan, plan, summary)
+        return "The plan is sound" if not summary.problems else f"{len(summary.problems)} things to look at"
+
+
+class FRAMETWIN_OT_select_culprits(Step, bpy.types.Operator):
+    """Select the struts that are to blame, in Edit Mode"""
+
+    bl_idname = "frametwin.select_culprits"
+    bl_label = "Select Culprits"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    kind: bpy.props.StringProperty()  # type: ignore[valid-type]
+
+    @classmethod
+    def poll(cls, context):
+        plan = plan_of(context)
+        return needs(cls, plan is not None and plan.type == "CURVE", "The plan is no curve object: import it as one")
+
+    def act(self, context):
+        plan = plan_of(context)
+        problem = next((p for p in settings_of(context).about_plan.problems if p.kind == self.kind), None)
+        if problem is None:
+            raise InputError.at(plan.name, "plan", f"has no problem {self.kind!r}", "press Check Again")
+        count = show_struts(plan, list(problem["struts"]))
+        frame_selected(context)
+        return f"{count} struts selected"
+
+
+class FRAMETWIN_OT_use_millimetres(Step, bpy.types.Operator):
+    """Make a unit of the scene a millimetre, so that the grid and the views suit frames"""
+
+    bl_idname = "frametwin.use_millimetres"
+    bl_label = "Use Millimetres"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, plan_of(context) is None, "Change the unit before there is a plan, or scale it by hand")
+
+    def act(self, context):
+        use_millimetres(context.scene)
+        return "A unit of this scene is a millimetre"
+
+
+class FRAMETWIN_FH_frame(bpy.types.FileHandler):
+    """Frame files that are dropped into the 3D view."""
+
+    bl_idname = "FRAMETWIN_FH_frame"
+    bl_label = "FrameTwin frame"
+    bl_import_operator = "frametwin.import_frame"
+    bl_file_extensions = ".json;.txt"
+
+    @classmethod
+    def poll_drop(cls, context):
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
+    """The frame as it was designed"""
+
+    bl_label = "Plan"
+    bl_idname = "FRAMETWIN_PT_plan"
+
+    def draw(self, context):
+        settings, layout = settings_of(context), self.layout
+        about, plan = settings.about_plan, plan_of(context)
+        if plan is None:
+            write_text(layout, "Begin here: add a frame to try things out, or import your own.", context, "INFO")
+            if mm_per_unit(context.scene) != 1.0:
+                layout.operator("frametwin.use_millimetres", icon="DRIVER_DISTANCE")
+        row = layout.row(align=True)
+        row.prop(about, "frame", text="")
+        row.operator("frametwin.add_frame", text="Add", icon="ADD")
+        row = layout.row(align=True)
+        row.operator("frametwin.import_frame", text="Import", icon="IMPORT")
+        row.operator("frametwin.use_selected", text="Use Selected")
+        if plan is None:
+            return
+        layout.prop(settings, "plan", text="")
+        if about.checked != plan.name:
+            layout.operator("frametwin.check_plan", icon="FILE_REFRESH")
+            return
+        column = layout.column(align=True)
+        column.label(text=f"{about.struts} struts, {about.joints} joints")
+        column.label(text="Size {:.0f} x {:.0f} x {:.0f} mm".format(*about.size))
+        column.label(text=f"Strut radius {about.radius:.3g} mm")
+        self._draw_problems(layout, about, context)
+
+    def _draw_problems(self, layout, about, context):
+        for problem in about.problems:
+            box = layout.box()
+            write_text(box, problem.sentence, context, "ERROR")
+            box.operator("frametwin.select_culprits", text="Select").kind = problem.kind
+        row = layout.row(align=True)
+        if not about.problems:
+            row.label(text="Sound", icon="CHECKMARK")
+        row.operator("frametwin.check_plan", icon="FILE_REFRESH")
+
+
+CLASSES = (
+    FRAMETWIN_OT_add_frame,
+    FRAMETWIN_OT_import_frame,
+    FRAMETWIN_OT_use_selected,
+    FRAMETWIN_OT_check_plan,
+    FRAMETWIN_OT_select_culprits,
+    FRAMETWIN_OT_use_millimetres,
+    FRAMETWIN_FH_frame,
+    FRAMETWIN_PT_plan,
+)

@@ -1,0 +1,233 @@
+"""Preferences: the Python in which the fitter runs, its set-up and its test."""
+
+# No postponed annotations here: Blender reads them as properties.
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+
+from frametwin import __version__
+from frametwin.blender.runner import Job
+from frametwin.errors import InputError
+from frametwin.worker.client import WorkerClient, find_python
+from frametwin.worker.installation import Installation, Installer, installed_python
+
+from . import session
+from .steps import Step, draw_progress, is_free, needs, write_text
+
+TITLE = "Test"
+
+
+class FrameTwinPreferences(bpy.types.AddonPreferences):
+    """Of the whole add-on, not of a scene."""
+
+    bl_idname = __package__
+
+    python: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Python",
+        subtype="FILE_PATH",
+        description="A Python 3.11 to 3.13 with the package frametwin. Empty: the one that Set Up makes, or else that"
+        " of the variable FRAMETWIN_PYTHON",
+    )
+    base: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Base Python",
+        subtype="FILE_PATH",
+        description="The Python from which Set Up makes the environment. Empty: Blender's own as a mere template, or"
+        " one of this computer",
+    )
+    torch_index: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="PyTorch From",
+        default=Installation.__dataclass_fields__["torch_index"].default,
+        description="Where Set Up looks for PyTorch besides PyPI; the default has the small build for CPUs",
+    )
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        write_text(layout, "The fitter runs in a Python environment of its own, never inside Blender.", context)
+        layout.prop(self, "python")
+        self._draw_found(layout, context)
+        row = layout.row(align=True)
+        row.operator("frametwin.set_up", icon="PACKAGE")
+        row.operator("frametwin.test_python", icon="CHECKMARK")
+        draw_progress(layout, context, TITLE)
+        self._draw_set_up(layout, context)
+
+    def _draw_found(self, layout, context):
+        try:
+            write_text(layout, f"In use: {chosen_python()}", context, "CONSOLE")
+        except InputError:
+            write_text(layout, "There is none yet: press Set Up, or choose one.", context, "ERROR")
+
+    def _draw_set_up(self, layout, context):
+        installer = session.installer
+        box = layout.box()
+        box.prop(self, "base")
+        box.prop(self, "torch_index")
+        if not bpy.app.online_access:
+            write_text(box, "Set Up needs the network: allow online access under System > Network.", context, "INFO")
+        if installer is None:
+            return
+        if installer.running:
+            row = box.row(align=True)
+            row.progress(factor=(installer.number + 0.5) / installer.total, text=installer.stage)
+            row.operator("frametwin.cancel_set_up", text="", icon="X")
+        elif installer.done:
+            write_text(box, "The environment is ready.", context, "CHECKMARK")
+        elif installer.error:
+            write_text(box, installer.error, context, "ERROR")
+        else:
+            write_text(box, "Cancelled; nothing is left of it.", context)
+        for line in list(installer.log)[-6:]:
+            box.label(text=line[-110:])
+
+
+def preferences_of() -> FrameTwinPreferences | None:
+    """The add-on's preferences; ``None`` while it is registered by hand."""
+    addon = bpy.context.preferences.addons.get(__package__)
+    return None if addon is None else addon.preferences
+
+
+def environment_folder() -> Path:
+    """Where Set Up makes its environment, by version of FrameTwin."""
+    parent = bpy.utils.extension_path_user(__package__, path="", create=True)
+    return Path(parent) / f"environment-{__version__}"
+
+
+def chosen_python() -> str:
+    """The Python in which the fitter runs: the chosen one, else the one that was set up, else what is found.
+
+    Raises
+    ------
+    InputError
+        If there is none; the message says what to do.
+    """
+    preferences = preferences_of()
+    if preferences is not None and preferences.python:
+        return find_python(bpy.path.abspath(preferences.python))
+    ready = installed_python(environment_folder()) if __package__.startswith("bl_ext.") else None
+    try:
+        return ready or find_python()
+    except InputError as error:
+        raise InputError(
+            "FrameTwin has no Python to compute with yet: press Set Up in Preferences > Add-ons > FrameTwin, or choose"
+            " one there."
+        ) from error
+
+
+def python_worker() -> WorkerClient:
+    """A worker in that Python, not started yet."""
+    return WorkerClient(chosen_python())
+
+
+def worker_kind() -> str:
+    """Tells workers of different Pythons apart."""
+    return f"python {chosen_python()}"
+
+
+def bundled(pattern: str) -> Path:
+    """A file that came with the extension.
+
+    Raises
+    ------
+    InputError
+        If it is not there.
+    """
+    folder = Path(__file__).resolve().parent
+    found = sorted(folder.glob(pattern))
+    if not found:
+        remedy = "install the extension from its zip"
+        raise InputError.at(folder / pattern, "file", "is missing, since this is no built extension", remedy)
+    return found[-1]
+
+
+class FRAMETWIN_OT_set_up(Step, bpy.types.Operator):
+    """Make a Python environment in this extension's folder and install FrameTwin and PyTorch into it (about 1 GB)"""
+
+    bl_idname = "frametwin.set_up"
+    bl_label = "Set Up"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context):
+        online = needs(cls, bpy.app.online_access, "Allow online access in Preferences > System > Network first")
+        running = session.installer is not None and session.installer.running
+        return online and needs(cls, not running, "The set-up is under way")
+
+    def act(self, context):
+        preferences = preferences_of()
+        session.runner.close()  # a worker in the environment would be pulled from under its feet
+        session.start_installation(
+            Installer(
+                Installation(
+                    environment_folder(),
+                    bundled("wheels/frametwin-*.whl"),
+                    bundled("constraints.txt"),
+                    bpy.path.abspath(preferences.base),
+                    preferences.torch_index,
+                )
+            )
+        )
+
+
+class FRAMETWIN_OT_cancel_set_up(bpy.types.Operator):
+    """Stop the set-up and remove what it has made"""
+
+    bl_idname = "frametwin.cancel_set_up"
+    bl_label = "Cancel"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    def execute(self, context):
+        if session.installer is not None:
+            session.installer.cancel()
+        return {"FINISHED"}
+
+
+class FRAMETWIN_OT_test_python(Step, bpy.types.Operator):
+    """Start the fitter's Python and show its versions"""
+
+    bl_idname = "frametwin.test_python"
+    bl_label = "Test"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context):
+        return is_free(cls)
+
+    def act(self, context):
+        session.start(test_job())
+
+
+def test_job() -> Job:
+    """Start a worker afresh and ask what it is.
+
+    Raises
+    ------
+    InputError
+        If there is no Python.
+    """
+    client = python_worker()
+
+    def finish(versions):
+        missing = [name for name in ("torch", "numba", "scipy") if versions.get(name) is None]
+        if missing:
+            raise InputError.at(
+                client.python, "packages", f"lacks {', '.join(missing)}", "set the environment up again"
+            )
+        return (
+            f"Works: Python {versions['python']}, PyTorch {versions['torch']}, FrameTwin {versions['frametwin']},"
+            f" {versions['cores']} cores"
+        )
+        yield
+
+    return Job(
+        title=TITLE, request="versions", parameters={}, worker=lambda: client, kind=None, finish=finish,
+    )  # fmt: skip
+
+
+CLASSES = (
+    FrameTwinPreferences,
+    FRAMETWIN_OT_set_up,
+    FRAMETWIN_OT_cancel_set_up,
+    FRAMETWIN_OT_test_python,
+)

@@ -1,0 +1,270 @@
+"""What the add-on remembers in a scene. Lengths are millimetres, whatever the scene's unit."""
+
+# No postponed annotations here: Blender reads them as properties.
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from frametwin.blender.twins import is_twin
+from frametwin.parametric import FRAMES
+
+from .recolour import recolour_active
+
+PRESETS = (
+    ("fast", "Fast", "Blurred rods and second-order steps: seconds on a laptop, the most accurate"),
+    ("paper", "Paper", "The paper's method to the letter: a neural network, minutes"),
+    ("paper-lattice", "Paper, lattice", "The paper's kernels with a spline lattice in place of the network"),
+    ("curve-driven", "Curve-driven", "Free control points, for comparison"),
+    ("deformation-driven", "Deformation-driven", "Sparse control nodes, for comparison"),
+)
+
+QUANTITIES = (
+    ("displacement", "Displacement", "Mean distance from the plan, in mm"),
+    ("displacement_max", "Largest displacement", "Largest distance from the plan along each strut, in mm"),
+    ("opacity", "Opacity", "Mean opacity: how much of the strut the pictures show"),
+    ("completeness", "Completeness", "Share of the strut that is really there"),
+    ("thickness", "Thickness", "Mean radius, in mm"),
+    ("confidence", "Confidence", "How well the views tell where the strut is: 0 not at all, 1 well"),
+    ("error", "Error", "Mean distance from the truth, in mm, where the capture has one"),
+    ("error_max", "Largest error", "Largest distance from the truth along each strut, in mm"),
+)
+
+
+class FrameTwinProblem(bpy.types.PropertyGroup):
+    """Something wrong with the plan; its struts are kept as a custom property."""
+
+    kind: StringProperty()  # type: ignore[valid-type]
+    sentence: StringProperty()  # type: ignore[valid-type]
+
+
+class FrameTwinPlan(bpy.types.PropertyGroup):
+    """What is known of the plan since it was last checked."""
+
+    checked: StringProperty(description="Name of the object that was checked")  # type: ignore[valid-type]
+    struts: IntProperty()  # type: ignore[valid-type]
+    joints: IntProperty()  # type: ignore[valid-type]
+    size: FloatVectorProperty(size=3)  # type: ignore[valid-type]
+    radius: FloatProperty()  # type: ignore[valid-type]
+    problems: CollectionProperty(type=FrameTwinProblem)  # type: ignore[valid-type]
+    frame: EnumProperty(  # type: ignore[valid-type]
+        name="Frame",
+        description="One of the project's own frames, for trying things out",
+        items=[(name, name.replace("_", " ").capitalize(), f"The {name.replace('_', ' ')}") for name in FRAMES],
+    )
+
+
+class FrameTwinDeform(bpy.types.PropertyGroup):
+    """How the print deviates from the plan."""
+
+    kind: EnumProperty(  # type: ignore[valid-type]
+        name="Kind",
+        description="What pulls the print out of shape",
+        items=(
+            ("sag", "Gravity sag", "Finite elements of beams; one strut in four has not hardened yet"),
+            ("tip-load", "Push at the top", "The top pushed sideways"),
+            ("warp", "Smooth warp", "A random smooth field"),
+            ("rigid", "Shift and turn", "The whole frame moved, as by a wrong calibration"),
+        ),
+    )
+    automatic: BoolProperty(  # type: ignore[valid-type]
+        name="Automatic Peak",
+        default=True,
+        description="Largest displacement: 7 % of the longest side of what is printed",
+    )
+    peak: FloatProperty(  # type: ignore[valid-type]
+        name="Peak mm", default=5.0, min=0.001, soft_max=100.0, description="Largest displacement of any point, in mm"
+    )
+    seed: IntProperty(  # type: ignore[valid-type]
+        name="Seed", min=0, description="Of all that is random: the same seed gives the same print"
+    )
+    how: EnumProperty(  # type: ignore[valid-type]
+        name="Printed",
+        description="How much of the plan has been printed when the pictures are taken",
+        items=(
+            ("all", "All", "The whole plan"),
+            ("share", "Share", "A share of the struts, from the base up"),
+            ("batch", "Up to batch", "All batches up to this one"),
+            ("height", "Up to height", "Struts that end below this height above the base"),
+        ),
+    )
+    share: FloatProperty(  # type: ignore[valid-type]
+        name="Share", default=0.6, min=0.01, max=1.0, subtype="FACTOR", description="Share of the struts, 0 to 1"
+    )
+    batch: IntProperty(name="Batch", min=0, description="Number of the last batch, from 0")  # type: ignore[valid-type]
+    height: FloatProperty(  # type: ignore[valid-type]
+        name="Height mm", default=40.0, min=0.01, description="Height above the lowest joint, in mm"
+    )
+    missing: IntProperty(  # type: ignore[valid-type]
+        name="Missing", min=0, description="How many of the printed struts broke off, drawn at random"
+    )
+    missing_share: FloatProperty(  # type: ignore[valid-type]
+        name="Of Each",
+        default=0.5,
+        min=0.01,
+        max=1.0,
+        subtype="FACTOR",
+        description="How much of each of these struts is missing, as a share of its length",
+    )
+
+
+class FrameTwinCameras(bpy.types.PropertyGroup):
+    """The rig of cameras."""
+
+    kind: EnumProperty(  # type: ignore[valid-type]
+        name="Rig",
+        description="How the cameras stand around the frame",
+        items=(
+            ("ring", "Ring", "Evenly around the frame, alternately at the lower and the upper elevation"),
+            ("dome", "Dome", "Spread over a dome from the lower to the upper elevation"),
+        ),
+    )
+    count: IntProperty(  # type: ignore[valid-type]
+        name="Cameras", default=8, min=2, max=200, description="Number of cameras; the paper uses 8"
+    )
+    distance: FloatProperty(  # type: ignore[valid-type]
+        name="Distance",
+        default=1.0,
+        min=0.5,
+        max=20.0,
+        description="Multiple of the least distance from which a camera sees the whole frame",
+    )
+    low: FloatProperty(  # type: ignore[valid-type]
+        name="Low Angle", default=20.0, min=-90.0, max=90.0, description="Lower elevation above the horizon, degrees"
+    )
+    high: FloatProperty(  # type: ignore[valid-type]
+        name="High Angle", default=45.0, min=-90.0, max=90.0, description="Upper elevation above the horizon, degrees"
+    )
+    lens: FloatProperty(  # type: ignore[valid-type]
+        name="View Angle", default=40.0, min=1.0, max=150.0, description="Vertical field of view of the lens, degrees"
+    )
+    width: IntProperty(  # type: ignore[valid-type]
+        name="Width", default=1600, min=8, max=16384, description="Width of the pictures in pixels"
+    )
+    height: IntProperty(  # type: ignore[valid-type]
+        name="Height", default=1200, min=8, max=16384, description="Height of the pictures in pixels"
+    )
+    opacity: FloatProperty(  # type: ignore[valid-type]
+        name="Opacity", default=0.5, min=0.0, max=1.0, subtype="FACTOR", description="Of the pictures in the cameras"
+    )
+    front: BoolProperty(  # type: ignore[valid-type]
+        name="In Front", description="Draw the pictures before the curves rather than behind them"
+    )
+
+
+class FrameTwinRender(bpy.types.PropertyGroup):
+    """How pictures are made."""
+
+    style: EnumProperty(  # type: ignore[valid-type]
+        name="Pictures",
+        description="What the cameras take",
+        items=(
+            ("mask", "Masks", "White struts before black: what the fit works on; a fraction of a second each"),
+            ("photo", "Photos", "Matte plastic on a blue table, and the empty table: half a minute each"),
+        ),
+    )
+    samples: IntProperty(  # type: ignore[valid-type]
+        name="Samples", default=8, min=1, max=4096, description="Paths of light a pixel, of photos"
+    )
+    folder: StringProperty(  # type: ignore[valid-type]
+        name="Folder",
+        subtype="DIR_PATH",
+        description="Where captures and runs are written. Empty: beside the .blend file, or FrameTwin in your home",
+    )
+
+
+class FrameTwinFit(bpy.types.PropertyGroup):
+    """How a capture is fitted."""
+
+    capture: StringProperty(  # type: ignore[valid-type]
+        name="Capture",
+        subtype="DIR_PATH",
+        description="Folder with frame.json, transforms.json and images; rendering fills it in",
+    )
+    preset: EnumProperty(  # type: ignore[valid-type]
+        name="Preset", description="The method", items=PRESETS
+    )
+    seed: IntProperty(name="Seed", min=0, description="Of what a preset draws at random")  # type: ignore[valid-type]
+    warm: BoolProperty(  # type: ignore[valid-type]
+        name="Start at This Twin",
+        description="Begin at the twin that is shown, where it is one of the same frame: quicker for the next batch",
+    )
+
+
+class FrameTwinView(bpy.types.PropertyGroup):
+    """How a twin is looked at."""
+
+    quantity: EnumProperty(  # type: ignore[valid-type]
+        name="Colour by", description="What the colours of the struts show", items=QUANTITIES, update=recolour_active
+    )
+    automatic: BoolProperty(  # type: ignore[valid-type]
+        name="Automatic Range",
+        default=True,
+        description="From 0 to the highest value",
+        update=recolour_active,
+    )
+    low: FloatProperty(name="Low", description="Lower end of the colours", update=recolour_active)  # type: ignore[valid-type]
+    high: FloatProperty(  # type: ignore[valid-type]
+        name="High", default=1.0, description="Upper end of the colours", update=recolour_active
+    )
+    legend: BoolProperty(  # type: ignore[valid-type]
+        name="Legend", default=True, description="Draw what the colours mean into the viewport"
+    )
+    count: IntProperty(  # type: ignore[valid-type]
+        name="Worst", default=10, min=1, description="How many struts of the highest value are selected"
+    )
+    at: IntProperty(description="Place of the strut that was stepped to, among the worst", default=-1)  # type: ignore[valid-type]
+
+
+class FrameTwinSettings(bpy.types.PropertyGroup):
+    """FrameTwin's settings of a scene."""
+
+    plan: PointerProperty(  # type: ignore[valid-type]
+        name="Plan",
+        type=bpy.types.Object,
+        description="The frame as it was designed",
+        poll=lambda self, obj: obj.type in {"CURVE", "MESH"},
+    )
+    print_object: PointerProperty(  # type: ignore[valid-type]
+        name="Print",
+        type=bpy.types.Object,
+        description="The real print: the plan's struts, bent. Empty: the plan as its modifiers bend it",
+        poll=lambda self, obj: obj.type in {"CURVE", "MESH"},
+    )
+    rig: PointerProperty(  # type: ignore[valid-type]
+        name="Rig",
+        type=bpy.types.Collection,
+        description="The collection that holds the cameras",
+    )
+    twin: PointerProperty(  # type: ignore[valid-type]
+        name="Twin",
+        type=bpy.types.Collection,
+        description="The twin that is looked at",
+        poll=lambda self, collection: is_twin(collection),
+        update=recolour_active,
+    )
+    about_plan: PointerProperty(type=FrameTwinPlan)  # type: ignore[valid-type]
+    deform: PointerProperty(type=FrameTwinDeform)  # type: ignore[valid-type]
+    cameras: PointerProperty(type=FrameTwinCameras)  # type: ignore[valid-type]
+    render: PointerProperty(type=FrameTwinRender)  # type: ignore[valid-type]
+    fit: PointerProperty(type=FrameTwinFit)  # type: ignore[valid-type]
+    view: PointerProperty(type=FrameTwinView)  # type: ignore[valid-type]
+
+
+CLASSES = (
+    FrameTwinProblem,
+    FrameTwinPlan,
+    FrameTwinDeform,
+    FrameTwinCameras,
+    FrameTwinRender,
+    FrameTwinFit,
+    FrameTwinView,
+    FrameTwinSettings,
+)

@@ -1,0 +1,23 @@
+"""What happens when the user chooses another quantity or range."""
+
+from __future__ import annotations
+
+import bpy
+
+from frametwin.blender.twins import is_twin, recolour_twin
+from frametwin.errors import FrameTwinError
+
+from . import session
+
+
+def recolour_active(view: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Colour the scene's twin as its settings say; called by Blender when one of them changes."""
+    settings = view.id_data.frametwin
+    if not is_twin(settings.twin):
+        return
+    wanted = settings.view
+    low, high = (None, None) if wanted.automatic else (wanted.low, wanted.high)
+    try:
+        recolour_twin(settings.twin, wanted.quantity, low, high)
+    except FrameTwinError as error:
+        session.tell(str(error), error=True)

@@ -1,0 +1,101 @@
+"""Step 4, the pictures: all cameras of the rig, into a capture folder, by a second Blender."""
+
+# No postponed annotations here: Blender reads them as properties.
+from typing import ClassVar
+
+import bpy
+
+from frametwin.blender.captures import capture_parameters
+from frametwin.blender.child import blender_worker
+from frametwin.blender.prints import read_print
+from frametwin.blender.runner import Job
+from frametwin.files import remove_leftovers
+
+from . import session
+from .cameras import cameras_of
+from .folders import fresh_folder, work_folder
+from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, print_of, rig_of, settings_of, write_text
+
+TITLE = "Render"
+
+
+def render_job(context: bpy.types.Context) -> Job:
+    """What the second Blender has to do, as the panel says.
+
+    Raises
+    ------
+    FrameTwinError
+        If plan, print or cameras cannot be read.
+    """
+    settings, scene = settings_of(context), context.scene
+    out = fresh_folder(context, "capture")
+    real = read_print(plan_of(context), print_of(context), scene)
+    parameters = capture_parameters(
+        real,
+        cameras_of(context),
+        out,
+        style=settings.render.style,
+        samples=settings.render.samples,
+        seed=settings.deform.seed,
+    )
+
+    def finish(answer):
+        scene.frametwin.fit.capture = answer["out"]
+        return f"{answer['views']} pictures in {answer['out']}"
+        yield
+
+    return Job(
+        title=TITLE,
+        request="render-capture",
+        parameters=parameters,
+        worker=blender_worker,
+        kind=None,
+        finish=finish,
+        clean=lambda: remove_leftovers(out),
+    )
+
+
+class FRAMETWIN_OT_render(Step, bpy.types.Operator):
+    """Render all cameras of the rig into a new capture folder, with plan, cameras and truth; Blender stays free"""
+
+    bl_idname = "frametwin.render"
+    bl_label = "Render Capture"
+    bl_options: ClassVar = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return (
+            needs(cls, plan_of(context), "Import or add a frame first")
+            and needs(cls, rig_of(context), "Make a rig or import cameras first")
+            and is_free(cls)
+        )
+
+    def act(self, context):
+        session.start(render_job(context))
+
+
+class FRAMETWIN_PT_render(Panel, bpy.types.Panel):
+    """Pictures of the print, from all cameras"""
+
+    bl_label = "Render"
+    bl_idname = "FRAMETWIN_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        settings, layout = settings_of(context).render, self.layout
+        if plan_of(context) is None or rig_of(context) is None:
+            write_text(layout, "Needs a plan and cameras. With real pictures, go on to Fit.", context, "INFO")
+            return
+        layout.use_property_split, layout.use_property_decorate = True, False
+        column = layout.column(align=True)
+        column.prop(settings, "style")
+        if settings.style == "photo":
+            column.prop(settings, "samples")
+        column.prop(settings, "folder")
+        if not settings.folder:
+            write_text(layout, f"Into {work_folder(context)}", context)
+        if not draw_progress(layout, context, TITLE):
+            layout.operator("frametwin.render", icon="RENDER_STILL")
+
+
+CLASSES = (FRAMETWIN_OT_render, FRAMETWIN_PT_render)

@@ -1,0 +1,146 @@
+"""What runs beside Blender for this add-on: the runner, the timer that pumps it, and the end of both."""
+
+from __future__ import annotations
+
+import atexit
+from typing import ClassVar
+
+import bpy
+
+from frametwin.blender.runner import Job, Runner
+from frametwin.worker.installation import Installer
+
+INTERVAL = 0.05
+"""Seconds between two looks at what a worker says."""
+
+runner = Runner()
+installer: Installer | None = None
+last_words = ""
+"""What was told last, for tests and for Blender without a window."""
+
+
+def start(job: Job) -> None:
+    """Begin a job and follow it; see `Runner.start`."""
+    runner.start(job)
+    _follow()
+
+
+def start_installation(new: Installer) -> None:
+    """Begin to set up the environment and follow it."""
+    global installer
+    installer = new
+    new.start()
+    _follow()
+
+
+def tell(words: str, error: bool = False) -> None:
+    """Tell the user something that no operator is there to report any more."""
+    global last_words
+    last_words = words
+    if error and not bpy.app.background and bpy.context.window_manager.windows:
+        from .steps import wrapped
+
+        def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+            for line in wrapped(words, 80):
+                menu.layout.label(text=line)
+
+        bpy.context.window_manager.popup_menu(draw, title="FrameTwin", icon="ERROR")
+
+
+def pump() -> bool:
+    """One look; whether there is more to follow. The timer calls it, and tests, in which timers never fire."""
+    was = runner.busy
+    going = runner.pump()
+    if was and not going:
+        tell(runner.status.message, runner.status.error)
+        _remember_for_undo(runner.status.title)
+    return going or (installer is not None and installer.running)
+
+
+def _tick() -> float | None:
+    going = pump()
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in {"VIEW_3D", "PREFERENCES"}:
+                area.tag_redraw()
+    return INTERVAL if going else None
+
+
+def _follow() -> None:
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=INTERVAL)
+
+
+def _remember_for_undo(title: str) -> None:
+    """A step of undo for what a job has put into the scene."""
+    windows = bpy.context.window_manager.windows
+    if bpy.app.background or not windows or runner.status.error:
+        return
+    with bpy.context.temp_override(window=windows[0]):
+        bpy.ops.ed.undo_push(message=f"FrameTwin: {title}")
+
+
+class FRAMETWIN_OT_cancel(bpy.types.Operator):
+    """Stop what is under way; nothing half-done is left"""
+
+    bl_idname = "frametwin.cancel"
+    bl_label = "Cancel"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return runner.busy
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        runner.cancel()
+        return {"FINISHED"}
+
+
+@bpy.app.handlers.persistent
+def _before_load(*_: object) -> None:
+    """The scene that a job would go into is about to be gone."""
+    runner.close()
+
+
+@bpy.app.handlers.persistent
+def _before_undo(*_: object) -> None:
+    runner.hold()
+
+
+@bpy.app.handlers.persistent
+def _after_undo(*_: object) -> None:
+    runner.resume()
+
+
+def end() -> None:
+    """End all processes."""
+    runner.close()
+    if installer is not None:
+        installer.cancel(wait=1.0)
+
+
+HANDLERS = (
+    ("load_pre", _before_load),
+    ("undo_pre", _before_undo),
+    ("redo_pre", _before_undo),
+    ("undo_post", _after_undo),
+    ("redo_post", _after_undo),
+)
+
+
+def register() -> None:
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+    atexit.register(end)
+
+
+def unregister() -> None:
+    atexit.unregister(end)
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    end()
+
+
+CLASSES = (FRAMETWIN_OT_cancel,)

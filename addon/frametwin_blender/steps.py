@@ -1,0 +1,134 @@
+"""What the operators and panels of all steps share."""
+
+from __future__ import annotations
+
+import bpy
+
+from frametwin.errors import FrameTwinError
+
+from . import session
+
+CHARACTER = 6.6
+"""Width of a character of a label in pixels, at a resolution scale of 1; labels that are wrapped by it fit."""
+
+
+class Step:
+    """An operator that calls functions of ``frametwin.blender``; what a user can cause becomes one report in words."""
+
+    def act(self, context: bpy.types.Context) -> str:
+        """Do it; returns what there is to tell."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            words = self.act(context)
+        except FrameTwinError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if words:
+            self.report({"INFO"}, words)
+        return {"FINISHED"}
+
+
+class FileStep(Step):
+    """A `Step` that asks for a file first, unless it has one."""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.filepath:
+            return self.execute(context)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+
+class Panel:
+    """A panel of the tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "FrameTwin"
+
+
+def settings_of(context: bpy.types.Context) -> bpy.types.PropertyGroup:
+    """The add-on's settings of the present scene."""
+    return context.scene.frametwin
+
+
+def plan_of(context: bpy.types.Context) -> bpy.types.Object | None:
+    """The scene's plan; ``None`` if there is none, or the user deleted it."""
+    plan = settings_of(context).plan
+    return plan if plan is not None and context.scene.objects.get(plan.name) == plan else None
+
+
+def print_of(context: bpy.types.Context) -> bpy.types.Object | None:
+    """The object that shows the real print; ``None`` where it is the plan."""
+    obj = settings_of(context).print_object
+    return obj if obj is not None and context.scene.objects.get(obj.name) == obj else None
+
+
+def rig_of(context: bpy.types.Context) -> bpy.types.Collection | None:
+    """The scene's rig; ``None`` if there is none, or the user deleted it or its last camera."""
+    rig = settings_of(context).rig
+    there = rig is not None and rig in context.scene.collection.children_recursive
+    return rig if there and any(obj.type == "CAMERA" for obj in rig.all_objects) else None
+
+
+def twin_of(context: bpy.types.Context) -> bpy.types.Collection | None:
+    """The twin that is looked at; ``None`` if there is none, or the user deleted it."""
+    twin = settings_of(context).twin
+    return twin if twin is not None and twin in context.scene.collection.children_recursive else None
+
+
+def needs(cls: type, fine: object, otherwise: str) -> bool:
+    """The answer of a ``poll``; the sentence is shown in the tooltip of a button that cannot be pressed."""
+    if not fine:
+        cls.poll_message_set(otherwise)
+    return bool(fine)
+
+
+def is_free(cls: type) -> bool:
+    """Whether no job is under way, as an answer of a ``poll``."""
+    return needs(cls, not session.runner.busy, "Something is under way already: wait for it, or cancel it")
+
+
+def write_text(layout: bpy.types.UILayout, text: str, context: bpy.types.Context, icon: str = "NONE") -> None:
+    """A text on as many lines as the sidebar needs."""
+    scale = context.preferences.system.ui_scale
+    width = (context.region.width if context.region else 260) / scale - (60 if icon != "NONE" else 36)
+    column = layout.column(align=True)
+    column.scale_y = 0.75
+    for i, line in enumerate(wrapped(text, max(12, int(width / CHARACTER)))):
+        column.label(text=line, icon=icon if i == 0 else "BLANK1" if icon != "NONE" else "NONE")
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Lines of at most ``width`` characters; long words such as paths are cut behind a slash, or anywhere."""
+    lines = [""]
+    for word in text.split():
+        while len(word) > width:
+            at = max(word.rfind("/", 1, width), word.rfind("\\", 1, width)) + 1 or width
+            if lines[-1]:
+                lines.append("")
+            lines[-1] = word[:at]
+            lines.append("")
+            word = word[at:]
+        if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}".strip()
+    return [line for line in lines if line]
+
+
+def draw_progress(layout: bpy.types.UILayout, context: bpy.types.Context, title: str) -> bool:
+    """How far the job of this title is, with a button to cancel it; or how it ended. Whether it is under way."""
+    runner = session.runner
+    if runner.status.title != title:
+        return False
+    if runner.busy:
+        row = layout.row(align=True)
+        row.progress(factor=runner.status.share, text=runner.status.stage or "starting")
+        row.operator("frametwin.cancel", text="", icon="X")
+        write_text(layout, runner.status.line, context)
+        return True
+    if runner.status.message:
+        icon = "ERROR" if runner.status.error else "CHECKMARK"
+        write_text(layout, runner.status.message, context, icon)
+    return False

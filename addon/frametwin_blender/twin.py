@@ -1,0 +1,216 @@
+"""Step 6, the twin: colours, statistics, the struts to look at, export."""
+
+# No postponed annotations here: Blender reads them as properties.
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+import numpy as np
+
+from frametwin.blender.curves import wireframe_from_curve
+from frametwin.blender.exports import export_twin
+from frametwin.blender.plan_objects import make_active, middle_of, show_struts
+from frametwin.blender.statistics import StrutValues, statistics_of, worst_struts
+from frametwin.blender.twin_records import load_values
+from frametwin.blender.twins import TwinObjects, find_twin, remove_twin
+from frametwin.errors import InputError
+
+from .steps import FileStep, Panel, Step, needs, settings_of, twin_of, write_text
+from .views import frame_selected, look_at
+
+
+def chosen_struts(context: bpy.types.Context, kind: str) -> np.ndarray:
+    """The struts of one kind: ``worst``, ``missing`` or ``uncertain``.
+
+    Raises
+    ------
+    InputError
+        If the twin has none.
+    """
+    shown, view = find_twin(twin_of(context)), settings_of(context).view
+    worst = worst_struts(quantity_of(shown, view.quantity).values, view.count)
+    struts = {"worst": worst, "missing": shown.missing, "uncertain": shown.uncertain}[kind]
+    if not len(struts):
+        raise InputError.at(shown.twin.name, "struts", f"none is {kind}", "there is nothing to look at here")
+    return struts
+
+
+def quantity_of(shown: TwinObjects, name: str) -> StrutValues:
+    """One quantity of the struts; of completeness and confidence, the lowest values are the worst."""
+    found = shown.values.get(name, shown.values["displacement"])
+    low_is_bad = found.quantity in ("completeness", "confidence", "opacity")
+    return StrutValues(found.quantity, found.unit, -found.values) if low_is_bad else found
+
+
+class _TwinStep(Step):
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, twin_of(context), "Fit a capture or import a run first")
+
+
+class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
+    """Select struts of the twin, in Edit Mode"""
+
+    bl_idname = "frametwin.select_struts"
+    bl_label = "Select Struts"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    kind: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Kind",
+        items=(
+            ("worst", "Worst", "Those of the highest value of what the colours show"),
+            ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
+            ("uncertain", "Uncertain", "Those that the views cannot place"),
+        ),
+    )
+
+    @classmethod
+    def description(cls, context, properties):
+        return f"Select the {properties.kind} struts of the twin, in Edit Mode"
+
+    def act(self, context):
+        struts = chosen_struts(context, self.kind)
+        count = show_struts(find_twin(twin_of(context)).twin, struts)
+        frame_selected(context)
+        return f"{count} struts selected"
+
+
+class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
+    """Look at the next of the worst struts, or the one before"""
+
+    bl_idname = "frametwin.step_strut"
+    bl_label = "Step"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
+
+    def act(self, context):
+        struts, view = chosen_struts(context, "worst"), settings_of(context).view
+        shown = find_twin(twin_of(context))
+        view.at = (view.at + self.step) % len(struts) if view.at >= 0 else 0
+        strut = int(struts[view.at])
+        look_at(context, *middle_of(wireframe_from_curve(shown.twin), [strut], shown.twin))
+        show_struts(shown.twin, [strut])
+        values = shown.values.get(view.quantity, shown.values["displacement"])
+        return f"Strut {strut}: {values.quantity} {values.values[strut]:.4g} {values.unit}"
+
+
+class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
+    """Back to Object Mode, with the whole twin selected"""
+
+    bl_idname = "frametwin.leave_struts"
+    bl_label = "Whole Twin"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def act(self, context):
+        make_active(find_twin(twin_of(context)).twin)
+        frame_selected(context)
+
+
+class FRAMETWIN_OT_export_twin(FileStep, _TwinStep, bpy.types.Operator):
+    """Write the twin: a frame file (.json), lines (.obj), or a table of every strut's values (.csv)"""
+
+    bl_idname = "frametwin.export_twin"
+    bl_label = "Export Twin"
+    bl_options: ClassVar = {"REGISTER"}
+
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(default="*.json;*.obj;*.csv", options={"HIDDEN"})  # type: ignore[valid-type]
+
+    def act(self, context):
+        path = Path(bpy.path.abspath(self.filepath))
+        export_twin(find_twin(twin_of(context)), path)
+        return f"Wrote {path}"
+
+
+class FRAMETWIN_OT_remove_twin(_TwinStep, bpy.types.Operator):
+    """Take the twin out of the scene; its run folder stays on disk"""
+
+    bl_idname = "frametwin.remove_twin"
+    bl_label = "Remove Twin"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def act(self, context):
+        collection = twin_of(context)
+        if context.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        settings_of(context).twin = None
+        remove_twin(collection)
+
+
+class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
+    """Where every strut really is"""
+
+    bl_label = "Twin"
+    bl_idname = "FRAMETWIN_PT_twin"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, settings, collection = self.layout, settings_of(context), twin_of(context)
+        if collection is None:
+            write_text(layout, "Fit a capture first, or import a run.", context, "INFO")
+            layout.prop(settings, "twin", text="")
+            layout.operator("frametwin.import_run", icon="IMPORT")
+            return
+        row = layout.row(align=True)
+        row.prop(settings, "twin", text="")
+        row.operator("frametwin.remove_twin", text="", icon="X")
+        self._draw_colours(layout, settings.view)
+        values, missing, uncertain = load_values(collection)
+        if settings.view.quantity in values:
+            self._draw_statistics(layout, values[settings.view.quantity])
+        else:
+            write_text(layout, "The capture has no truth to compare with.", context, "INFO")
+        self._draw_selection(layout, settings.view, len(missing), len(uncertain))
+        self._draw_objects(layout, settings, collection)
+        layout.operator("frametwin.export_twin", icon="EXPORT")
+
+    def _draw_colours(self, layout, view):
+        layout.prop(view, "quantity", text="")
+        row = layout.row(align=True)
+        row.prop(view, "automatic", text="Auto", toggle=True)
+        sub = row.row(align=True)
+        sub.enabled = not view.automatic
+        sub.prop(view, "low", text="")
+        sub.prop(view, "high", text="")
+        row.prop(view, "legend", text="", icon="COLOR", toggle=True)
+
+    def _draw_statistics(self, layout, found):
+        numbers = statistics_of(found.values)
+        box = layout.box().column(align=True)
+        for name in ("mean", "p95", "max"):
+            row = box.row()
+            row.label(text={"mean": "Mean", "p95": "95 % below", "max": "Highest"}[name])
+            row.label(text=f"{getattr(numbers, name):.3f} {found.unit}")
+
+    def _draw_selection(self, layout, view, missing, uncertain):
+        row = layout.row(align=True)
+        row.operator("frametwin.step_strut", text="", icon="TRIA_LEFT").step = -1
+        row.operator("frametwin.select_struts", text="Worst").kind = "worst"
+        row.prop(view, "count", text="")
+        row.operator("frametwin.step_strut", text="", icon="TRIA_RIGHT").step = 1
+        row = layout.row(align=True)
+        for kind, count in (("missing", missing), ("uncertain", uncertain)):
+            sub = row.row(align=True)
+            sub.enabled = count > 0
+            sub.operator("frametwin.select_struts", text=f"{count} {kind}").kind = kind
+        layout.operator("frametwin.leave_struts", icon="OBJECT_DATAMODE")
+
+    def _draw_objects(self, layout, settings, collection):
+        column = layout.column(align=True)
+        for obj in collection.objects:
+            role = obj.get("frametwin_role")
+            if role in ("plan", "twin"):
+                column.prop(obj, "hide_viewport", text=f"Hide {role}", toggle=True, invert_checkbox=False)
+        if settings.print_object is not None:
+            column.prop(settings.print_object, "hide_viewport", text="Hide print", toggle=True)
+
+
+CLASSES = (
+    FRAMETWIN_OT_select_struts,
+    FRAMETWIN_OT_step_strut,
+    FRAMETWIN_OT_leave_struts,
+    FRAMETWIN_OT_export_twin,
+    FRAMETWIN_OT_remove_twin,
+    FRAMETWIN_PT_twin,
+)

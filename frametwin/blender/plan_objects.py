@@ -1,0 +1,103 @@
+"""Plans in a scene: put there, seen, summed up, and their culprits shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from frametwin.blender.curves import wireframe_to_curve
+from frametwin.blender.evaluation import scene_of
+from frametwin.blender.plan_checks import PlanProblem, plan_problems, select_struts
+from frametwin.blender.plans import plan_from_object
+from frametwin.blender.units import mm_per_unit
+from frametwin.wireframe import Wireframe
+
+
+def add_plan(frame: Wireframe, scene: bpy.types.Scene | None = None) -> bpy.types.Object:
+    """Put a frame into the scene as a curve object, selected and active."""
+    scene = bpy.context.scene if scene is None else scene
+    obj = wireframe_to_curve(frame, scene=scene)
+    make_active(obj)
+    return obj
+
+
+def make_active(obj: bpy.types.Object) -> bool:
+    """Select one object alone and make it active, in Object Mode; whether the present view layer shows it."""
+    layer = bpy.context.view_layer
+    if layer.objects.get(obj.name) != obj:
+        return False
+    active = layer.objects.active
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    for other in list(bpy.context.selected_objects):
+        other.select_set(False)
+    obj.select_set(True)
+    layer.objects.active = obj
+    return True
+
+
+@dataclass(frozen=True)
+class PlanSummary:
+    """What there is to say of a plan: counts, size in mm, and what is wrong with it."""
+
+    struts: int
+    joints: int
+    size: tuple[float, float, float]
+    radius: float
+    problems: tuple[PlanProblem, ...]
+
+    @classmethod
+    def of(cls, frame: Wireframe) -> PlanSummary:
+        """Sum a frame up."""
+        low, high = frame.bounds
+        return cls(
+            struts=frame.strut_count,
+            joints=int((frame.degree > 0).sum()),
+            size=(float(high[0] - low[0]), float(high[1] - low[1]), float(high[2] - low[2])),
+            radius=float(np.median(frame.radius)),
+            problems=plan_problems(frame),
+        )
+
+
+def plan_summary(obj: bpy.types.Object, scene: bpy.types.Scene | None = None) -> PlanSummary:
+    """Read an object as a plan and sum it up.
+
+    Raises
+    ------
+    InputError
+        See `plan_from_object`.
+    """
+    return PlanSummary.of(plan_from_object(obj, scene=scene))
+
+
+def show_struts(obj: bpy.types.Object, struts: Iterable[int]) -> int:
+    """Select struts of a frame's curve object and go to Edit Mode, where they are seen; how many were found.
+
+    Raises
+    ------
+    InputError
+        See `select_struts`.
+    """
+    wanted = list(struts)
+    shown = make_active(obj)
+    count = select_struts(obj, wanted)
+    if shown:
+        bpy.ops.object.mode_set(mode="EDIT")
+    return count
+
+
+def middle_of(frame: Wireframe, struts: Iterable[int], obj: bpy.types.Object) -> tuple[np.ndarray, float]:
+    """Centre (3,) and radius, in Blender units of the world, of a ball around some struts of a frame."""
+    points = frame.control_points[list(struts)].reshape(-1, 3) / mm_per_unit(scene_of(obj))
+    low, high = points.min(axis=0), points.max(axis=0)
+    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
+
+def use_millimetres(scene: bpy.types.Scene) -> None:
+    """Make a Blender unit of the scene a millimetre, so that grid, clipping and views suit frames."""
+    scene.unit_settings.system = "METRIC"
+    scene.unit_settings.scale_length = 0.001
+    scene.unit_settings.length_unit = "MILLIMETERS"
