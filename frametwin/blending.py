@@ -67,5 +67,6 @@ def _moved(
     gap = [vertices[frame.edges[struts, side]] - points[:, k] - field[:, k] for side, k in ((0, 0), (1, -1))]
     rest = np.where(start, 1.0 - u, 0.0)[..., None] * gap[0][:, None]
     rest = rest + np.where(end, u, 0.0)[..., None] * gap[1][:, None]
-    moved = points + share[..., None] * field + rest
-    return np.einsum("cj,sjx->scx", bezier.refit_matrix(SAMPLES), moved)
+    # The refit of what changed, not of the moved points: where nothing changes, the same bits come out.
+    change = np.einsum("cj,sjx->scx", bezier.refit_matrix(SAMPLES), share[..., None] * field + rest)
+    return frame.control_points[struts] + change

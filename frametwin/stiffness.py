@@ -86,15 +86,15 @@ class FrameBeams:
         The frame at rest; only its printed struts carry and weigh anything.
     sections
         Of all E struts.
-    weight
-        (E,) weight of the struts in N/mm.
+    load
+        (E, 3) even load on the struts in N/mm: their weight, unless others were given.
     groups
         The beams, by number of pieces.
     """
 
     frame: Wireframe
     sections: Sections
-    weight: np.ndarray
+    load: np.ndarray
     groups: tuple[_Group, ...]
 
     @classmethod
@@ -106,6 +106,7 @@ class FrameBeams:
         axial_scale: np.ndarray | None = None,
         material: Material = PLA,
         weightless: bool = False,
+        load: np.ndarray | None = None,
         pieces: int = 4,
     ) -> FrameBeams:
         """Make beams of the printed struts.
@@ -122,6 +123,8 @@ class FrameBeams:
             Of all struts.
         weightless
             Leave the struts' own weight out.
+        load
+            (E, 3) even loads in N/mm that take the place of the struts' weight.
         pieces
             Straight beams along a curved strut.
 
@@ -134,15 +137,21 @@ class FrameBeams:
         axial = scale if axial_scale is None else _factors(frame, "axial_scale", axial_scale)
         sections = Sections.round(frame.radius, material.young * scale, material.shear * scale)
         sections = replace(sections, axial=material.young * axial * np.pi * frame.radius**2)
-        weight = material.weight * np.pi * frame.radius**2 * (0.0 if weightless else 1.0)
+        if load is None:
+            load = _down(material.weight * np.pi * frame.radius**2 * (0.0 if weightless else 1.0))
         curved = curved_struts(frame)
         groups = []
         for mask, count in ((~curved, 1), (curved, pieces)):
             struts = np.flatnonzero(mask & frame.printed)
             if len(struts):
                 points = bezier.evaluate(frame.control_points[struts], np.arange(count + 1) / count)
-                groups.append(_Group(struts, Chains.build(points, sections[struts], _down(weight[struts]))))
-        return cls(frame, sections, weight, tuple(groups))
+                groups.append(_Group(struts, Chains.build(points, sections[struts], load[struts])))
+        return cls(frame, sections, load, tuple(groups))
+
+    @property
+    def weight(self) -> np.ndarray:
+        """(E,) downward part of the loads in N/mm."""
+        return -self.load[:, 2]
 
     @property
     def beam_count(self) -> int:
@@ -205,7 +214,7 @@ class FrameBeams:
         axis = points[:, 1] - points[:, 0]
         relative = curve - points[:, :1]
         x = np.einsum("msk,mk->ms", relative, axis) / np.sum(axis**2, axis=1)[:, None]
-        load, sections = _down(self.weight[group.struts]), self.sections[group.struts]
+        load, sections = self.load[group.struts], self.sections[group.struts]
         moved = displacement_along(points, ends.reshape(-1, 12), sections, load, x)
         # The curve beside its chord turns with the section it belongs to.
         rotation = ends[:, :1, 3:] * (1.0 - x[:, :, None]) + ends[:, 1:, 3:] * x[:, :, None]
