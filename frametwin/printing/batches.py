@@ -11,7 +11,7 @@ from frametwin.wireframe import Wireframe
 BATCHES = 10
 """Batches of a print, where no size is given."""
 
-PLAY = 0.25
+PLAY = 0.15
 """Share of a batch's size by which its end may move to where fewer cantilevers hang."""
 
 

@@ -1,7 +1,8 @@
 """Check a print sequence by looking at finely sampled poses of the nozzle, with nothing taken from the planner.
 
 The tip is put at many points of each strut, and the distance from the nozzle's surface to many points of every printed
-strut is compared with that strut's radius. What lies between two samples is missed by at most half their distance.
+strut is compared with that strut's radius; points that are sure to be free are passed over. What lies between two
+samples is missed by at most half their distance.
 """
 
 from __future__ import annotations
@@ -122,10 +123,10 @@ def collisions(
     """
     curves, struts = sequence.directed_curves(frame), sequence.struts
     joined = np.eye(len(struts), dtype=bool)
-    first, points = _sampled(curves, frame.radius[struts])
-    _mark_joined(frame.edges[struts], frame.radius[struts], first, points, joined)
+    first, step, points = _sampled(curves, frame.radius[struts])
+    _mark_joined(frame.edges[struts], frame.radius[struts], first, step, points, joined)
     poses = np.ceil(frame.lengths[struts] / (POSE_STEP * frame.radius[struts])).astype(np.int64)
-    scene = (first, points, frame.radius[struts], joined)
+    scene = (first, step, points, frame.radius[struts], joined)
     tool = np.array([nozzle.bead, nozzle.clearance]), nozzle.profile
     findings = []
     begin = int(np.argmax(sequence.batch >= since)) if (sequence.batch >= since).any() else len(struts)
@@ -143,12 +144,13 @@ def collisions(
     return findings + _into_the_plate(frame, sequence, nozzle, begin)
 
 
-def _sampled(curves: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the curves, one after the other, and where each curve's begin."""
+def _sampled(curves: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where the points of each curve begin, the largest distance between two of them, and all points."""
     counts = np.maximum(8, np.ceil(bezier.arc_length(curves) / (POINT_STEP * radius))).astype(np.int64) + 1
     first = np.concatenate([[0], np.cumsum(counts)])
     pieces = [bezier.evaluate(c, np.linspace(0.0, 1.0, n)) for c, n in zip(curves, counts.tolist(), strict=True)]
-    return first, np.concatenate(pieces)
+    step = np.array([np.linalg.norm(np.diff(piece, axis=0), axis=1).max() for piece in pieces])
+    return first, step, np.concatenate(pieces)
 
 
 def _into_the_plate(frame: Wireframe, sequence: PrintSequence, nozzle: Nozzle, begin: int) -> list[Finding]:
@@ -162,20 +164,22 @@ def _into_the_plate(frame: Wireframe, sequence: PrintSequence, nozzle: Nozzle, b
 
 
 @nb.njit(cache=True, parallel=True)
-def _mark_joined(edges, radius, first, points, joined):  # type: ignore[no-untyped-def]
+def _mark_joined(edges, radius, first, step, points, joined):  # type: ignore[no-untyped-def]
     for i in nb.prange(len(edges)):
         for j in range(len(edges)):
             for end in edges[j]:
                 joined[i, j] |= end == edges[i, 0] or end == edges[i, 1]
-            limit = (OVERLAP * (radius[i] + radius[j])) ** 2
-            middle = points[(first[i] + first[i + 1]) // 2] - points[(first[j] + first[j + 1]) // 2]
-            reach = (first[i + 1] - first[i]) * radius[i] + (first[j + 1] - first[j]) * radius[j]
-            if joined[i, j] or np.sqrt((middle**2).sum()) > POINT_STEP * reach + 4.0 * (radius[i] + radius[j]):
-                continue
-            for p in range(first[i], first[i + 1]):
-                for q in range(first[j], first[j + 1]):
-                    if ((points[p] - points[q]) ** 2).sum() < limit:
-                        joined[i, j] = True
+            limit = OVERLAP * (radius[i] + radius[j])
+            p = first[i]
+            while p < first[i + 1] and not joined[i, j]:
+                nearest = np.inf
+                q = first[j]
+                while q < first[j + 1]:
+                    gap = np.sqrt(((points[p] - points[q]) ** 2).sum())
+                    nearest = min(nearest, gap)
+                    q += 1 + max(0, int((gap - max(limit, nearest)) / step[j]))
+                joined[i, j] = nearest < limit
+                p += 1 + max(0, int((nearest - limit) / step[i]))
 
 
 @nb.njit(cache=True)
@@ -197,7 +201,7 @@ def _outside(rho: float, height: float, low: float, high: float, lower: float, u
 
 @nb.njit(cache=True, parallel=True)
 def _depths(some, curves, poses, axes, scene, tool, depth):  # type: ignore[no-untyped-def]
-    first, points, radius, joined = scene
+    first, step, points, radius, joined = scene
     (bead, clearance), profile = tool
     for k in nb.prange(len(some)):
         n = some[k]
@@ -210,19 +214,17 @@ def _depths(some, curves, poses, axes, scene, tool, depth):  # type: ignore[no-u
                 last = first[j + 1]
                 if j == n:  # only what lies behind the tip
                     last = first[j] + np.int64(u * (first[j + 1] - first[j] - 1)) + 1
-                for p in range(first[j], last):
+                p = first[j]
+                while p < last:
                     x, y, z = points[p, 0] - tip[0], points[p, 1] - tip[1], points[p, 2] - tip[2]
                     height = x * axis[0] + y * axis[1] + z * axis[2]
-                    wanted = radius[j] + clearance
-                    if height < -wanted:
-                        continue
                     square = x * x + y * y + z * z
-                    if joined[n, j] and square <= bead * bead:
-                        continue
                     rho = np.sqrt(max(0.0, square - height * height))
+                    gap = np.inf
                     for part in range(2):
                         low, high, lower, upper = profile[part]
-                        if rho > upper + wanted:
-                            continue
-                        gap = _outside(rho, height, low, high, lower, upper)
-                        depth[k, j] = max(depth[k, j], wanted - gap)
+                        gap = min(gap, _outside(rho, height, low, high, lower, upper))
+                    air = gap - radius[j] - clearance
+                    if air < 0.0 and not (joined[n, j] and square <= bead * bead):
+                        depth[k, j] = max(depth[k, j], -air)
+                    p += 1 + max(0, int(air / step[j]))  # the next points cannot be nearer than that

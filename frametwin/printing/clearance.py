@@ -2,7 +2,7 @@
 
 While a straight piece of strut is laid with the tool's axis fixed, the vector from the tip to a point of another
 straight piece is affine in the two parameters, and the distance from it to a part of the nozzle changes by no more than
-it does. So one value in the middle of a cell of parameters bounds all of the cell: cells are halved until they are known
+it does. So one value in the middle of a cell of parameters bounds all of the cell: cells are halved till they are known
 to be free, to lie within the bead, or to hold a collision. What is undecided at the finest cells counts as a collision.
 Curved struts are cut into chords, and the bound on what lies between chord and curve is added to the rods' radius.
 """

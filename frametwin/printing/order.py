@@ -3,8 +3,8 @@
 Every strut begins on the plate or on something printed, and the tool reaches it past all that is printed before. The
 search runs backwards, from the finished frame (`frametwin.printing.removal`); what it takes away next is high up and
 hangs on joints that are loose anyhow, so that a cantilever is supported soon after it was laid. A strut whose two ends
-are both on the structure closes a cycle of the graph; how many do is the same in every order: struts less joints off the
-plate.
+are both on the structure closes a cycle of the graph; how many do is the same in every order: struts less joints off
+the plate.
 """
 
 from __future__ import annotations

@@ -12,14 +12,16 @@ from dataclasses import dataclass
 
 import numba as nb
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
 
 from frametwin.printing.stability import end_stiffness, flexibility
 from frametwin.wireframe import Wireframe
 
 ATTRACTION = 3.0
-"""How many median strut lengths higher a strut must be to go before one that hangs on a joint of flexibility 1."""
+"""How many median strut lengths further up a strut must be to go before one that hangs on a joint of flexibility 1."""
 
-AVERSION = 1.0
+AVERSION = 0.3
 """What loosening a joint by a flexibility of 1 costs, in median strut lengths."""
 
 
@@ -46,7 +48,7 @@ class Task:
     near
         (D, D) bool: neighbouring directions.
     height
-        (E,) of the struts, in median lengths.
+        (E,) way of the struts' further ends from the plate along the frame, in median lengths.
     stiffness
         (E, 3, 3) see `end_stiffness`.
     """
@@ -63,9 +65,22 @@ class Task:
     @classmethod
     def of(cls, frame: Wireframe, bits: np.ndarray, allowed: np.ndarray, cost: np.ndarray, near: np.ndarray) -> Task:
         """The task of a frame."""
-        z = frame.vertices[frame.edges, 2]
-        height = (z.max(axis=1) + 0.01 * z.min(axis=1)) / float(np.median(frame.chord_lengths))
+        way = way_from_plate(frame)[frame.edges]
+        height = (way.max(axis=1) + 0.01 * way.min(axis=1)) / float(np.median(frame.lengths))
         return cls(frame.edges, frame.grounded, bits, allowed, cost, near, height, end_stiffness(frame))
+
+
+def way_from_plate(frame: Wireframe) -> np.ndarray:
+    """(V,) length of the shortest way along struts from the plate to each joint, mm; infinite where there is none.
+
+    Built up in this order, arches grow from both feet and hanging parts after what they hang on; by mere height a thin
+    chord spans the gap before anything braces it.
+    """
+    ends = (frame.edges[:, 0], frame.edges[:, 1])
+    graph = csr_matrix((frame.lengths, ends), shape=(frame.vertex_count,) * 2)
+    feet = np.flatnonzero(frame.grounded)
+    result: np.ndarray = dijkstra(graph, directed=False, indices=feet, min_only=True)
+    return result
 
 
 @dataclass(frozen=True, eq=False)
