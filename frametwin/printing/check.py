@@ -84,7 +84,7 @@ def check_sequence(
     InputError
         If the sequence is not one of this frame.
     """
-    nozzle = Nozzle.fitting(frame) if nozzle is None else nozzle
+    nozzle = (Nozzle.fitting(frame) if nozzle is None else nozzle).long_enough(frame)
     return [*begun_in_the_air(frame, sequence), *collisions(frame, sequence, nozzle, progress=progress)]
 
 

@@ -132,6 +132,35 @@ def collision_bits(
     return bits
 
 
+def struts_hit(
+    frame: Wireframe, nozzle: Nozzle, struts: np.ndarray, axes: np.ndarray, before: np.ndarray, joined: np.ndarray
+) -> np.ndarray:
+    """Find what is hit while some struts are laid, with axes of their own.
+
+    Parameters
+    ----------
+    frame, nozzle
+        Where the struts are, and the tool.
+    struts
+        (N,) the struts to lay.
+    axes
+        (N, D, 3) ways of holding the tool for each.
+    before
+        (N, E) bool: what is there when it is laid.
+    joined
+        (N, E) bool: what it is joined to, see `joined_struts`.
+
+    Returns
+    -------
+    (N, D, E) bool.
+    """
+    rods = Rods.of(frame.control_points, frame.radius)
+    hits = np.zeros((len(struts), axes.shape[1], frame.strut_count), dtype=bool)
+    settings = np.array([nozzle.bead, nozzle.clearance, FINEST * float(np.median(frame.radius))])
+    _hit_some(struts, rods.arrays, np.ascontiguousarray(axes), nozzle.profile, settings, before, joined, hits)
+    return hits
+
+
 def hit_struts(bits: np.ndarray, count: int) -> np.ndarray:
     """(..., count) bool from the words (..., W) of `collision_bits`."""
     words = np.ascontiguousarray(bits).astype("<u8").view(np.uint8)
@@ -230,6 +259,19 @@ def _fill(begin, end, rods, axes, profile, settings, wanted, joined, bits):  # t
                     room = with_bead if joined[i, j] else without
                     if j != i and _strut_hits(i, j, rods, axes[d], profile, room):
                         bits[i, d, j // 64] |= np.uint64(1) << np.uint64(j % 64)
+
+
+@nb.njit(cache=True, parallel=True, error_model="numpy")
+def _hit_some(struts, rods, axes, profile, settings, before, joined, hits):  # type: ignore[no-untyped-def]
+    for n in nb.prange(len(struts)):
+        with_bead = settings.copy()
+        without = settings.copy()
+        without[0] = 0.0
+        for d in range(axes.shape[1]):
+            for j in range(before.shape[1]):
+                if before[n, j] and j != struts[n]:
+                    room = with_bead if joined[n, j] else without
+                    hits[n, d, j] = _strut_hits(struts[n], j, rods, axes[n, d], profile, room)
 
 
 @nb.njit(cache=True, error_model="numpy")

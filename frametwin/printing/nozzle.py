@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -103,6 +103,13 @@ class Nozzle:
             "clearance": CLEARANCE_SHARE * radius,
         }
         return cls(**{**values, **sizes})
+
+    def long_enough(self, frame: Wireframe) -> Nozzle:
+        """This nozzle with a body that towers above ``frame``, as the arm that holds it would.
+
+        What such a tool misses, it also misses when it is drawn back along its axis.
+        """
+        return replace(self, body_length=max(self.body_length, 2.0 * frame.extent))
 
     @property
     def length(self) -> float:

@@ -86,7 +86,7 @@ def task_of(frame: Wireframe, settings: OrderSettings, progress: ProgressCallbac
     InputError
         If the table of collisions would take more than `LARGEST_TABLE`.
     """
-    nozzle, axes = settings.nozzle_for(frame), settings.axes
+    nozzle, axes = settings.nozzle_for(frame).long_enough(frame), settings.axes
     size = frame.strut_count**2 * len(axes) // 8
     if size > LARGEST_TABLE:
         problem = f"{frame.strut_count} struts in {len(axes)} directions need {size / 2**30:.0f} GB"
