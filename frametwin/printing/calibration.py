@@ -9,6 +9,9 @@ from frametwin.printing.sequence import PrintSequence
 from frametwin.stiffness import FrameBeams
 from frametwin.wireframe import Wireframe
 
+LEAST_FLOW = 1e-4
+"""Of all the flow while hardening: what is taken for none, so that stiffnesses stay comparable."""
+
 
 def own_weight(frame: Wireframe, settings: PrintSettings) -> np.ndarray:
     """(E,) N/mm as the material has it."""
@@ -32,25 +35,45 @@ def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSett
     pull = own_weight(design, settings)[:, None] * [0.0, 0.0, -1.0]
     seconds = float(np.mean(settings.seconds))
     laid = np.zeros(design.strut_count, dtype=bool)
-    born, taken = np.zeros(design.strut_count), np.zeros(design.strut_count)
+    laid_at = np.zeros(design.strut_count)
     drift = np.zeros((design.vertex_count, 3))
     clock = 0.0
     for batch in range(sequence.batch_count):
-        for group in np.array_split(sequence.struts[sequence.batch == batch], settings.increments):
-            before, clock = clock, clock + seconds * len(group)
-            born[group] = before + seconds * np.arange(1, len(group) + 1)
-            laid[group] = True
-            middle = 0.5 * (np.maximum(before, born) + clock) - born
-            stiffness = np.where(laid, settings.stiffness(settings.soft, np.maximum(middle, 0.0)), 1.0)
-            load = np.where(laid, settings.weight_taken(clock - born) - taken, 0.0)
-            taken = taken + load
+        groups = np.array_split(sequence.struts[sequence.batch == batch], settings.increments)
+        for number, group in enumerate(groups, 1):
+            before = clock
+            laid[group], laid_at[group] = True, clock + seconds * (np.arange(len(group)) + 0.5)
+            clock += seconds * len(group) + (settings.pause if number == len(groups) else 0.0)
+            stiffness = np.ones(design.strut_count)
+            stiffness[laid] = stiffness_between(settings, laid_at[laid], before, clock)
             beams = FrameBeams.build(
                 design.replace(printed=laid),
                 stiffness,
-                axial_scale=np.maximum(stiffness, settings.softest_axial),
+                axial_scale=settings.axial * stiffness,
                 material=settings.material,
-                load=load[:, None] * pull,
+                load=pull,
                 pieces=settings.pieces,
             )
             drift += beams.solve()[:, :3]
     return drift
+
+
+def stiffness_between(
+    settings: PrintSettings, laid_at: np.ndarray, before: float, now: float, speed: np.ndarray | float = 1.0
+) -> np.ndarray:
+    """(N,) stiffness, relative to the hardened material, of beams that bend as far as struts flow in some time.
+
+    Parameters
+    ----------
+    settings
+        See `PrintSettings`.
+    laid_at
+        (N,) when the struts were laid, in s.
+    before, now
+        From when to when they flow.
+    speed
+        See `Chance`.
+    """
+    flowed = speed * settings.flowed(np.maximum(before - laid_at, 0.0), np.maximum(now - laid_at, 0.0))
+    stiffness: np.ndarray = 1.0 / np.maximum(flowed, LEAST_FLOW * settings.flow)
+    return stiffness

@@ -11,7 +11,7 @@ import numpy as np
 from frametwin import bezier
 from frametwin.curve_distance import CurveSet
 from frametwin.errors import InputError
-from frametwin.printing.calibration import own_weight, weight_scale
+from frametwin.printing.calibration import own_weight, stiffness_between, weight_scale
 from frametwin.printing.material import Chance, PrintSettings
 from frametwin.printing.outcome import BatchOutcome, PrintReport, Standing, largest_deviation
 from frametwin.printing.sequence import PrintSequence
@@ -76,7 +76,6 @@ class GrowingPrint:
         self._standing = np.zeros(struts, dtype=bool)
         self._laid_at = np.zeros(struts)
         self._settled_at = 0.0
-        self._taken = np.zeros(struts)
         self._as_laid = np.zeros((struts, 3))  # angles of both ends, length of the chord
         self._most = 0
 
@@ -108,9 +107,11 @@ class GrowingPrint:
         curves = laying.directed_curves(plan)
         ends = np.column_stack([laying.start, laying.end_in(plan)])
         began, struts = self.clock, laying.struts
-        for group in np.array_split(np.flatnonzero(~self._standing[struts]), self.settings.increments):
+        groups = np.array_split(np.flatnonzero(~self._standing[struts]), self.settings.increments)
+        for number, group in enumerate(groups, 1):
             for i in group.tolist():
                 self._lay_strut(int(struts[i]), int(ends[i, 0]), int(ends[i, 1]), curves[i])
+            self.clock += self.settings.pause if number == len(groups) else 0.0
             self._settle()
         outcome = self._outcome(batch, struts, self.clock - began)
         self.outcomes.append(outcome)
@@ -149,8 +150,9 @@ class GrowingPrint:
     def _lay_strut(self, strut: int, start: int, end: int, curve: np.ndarray) -> None:
         bead = 2.0 * self.settings.bead * float(self.design.radius[strut])
         first, last = curve[[0, 3]] + bead * self.chance.placement[strut]
-        self.clock += float(self.chance.seconds[strut])
-        self._laid[strut], self._laid_at[strut] = True, self.clock
+        seconds = float(self.chance.seconds[strut])
+        self._laid[strut], self._laid_at[strut] = True, self.clock + 0.5 * seconds
+        self.clock += seconds
         if not self._sticks(start, first, bead):
             if not self.design.grounded[start]:
                 return
@@ -168,7 +170,7 @@ class GrowingPrint:
         forwards = self.design.edges[strut, 0] == start
         self._curves[strut] = laid if forwards else laid[::-1]
         self._nodes[strut] = (start, node) if forwards else (node, start)
-        self._standing[strut], self._taken[strut] = True, 0.0
+        self._standing[strut] = True
         self._as_laid[strut] = self._shape(np.array([strut]))[0]
 
     def _bring(self, joint: int, point: np.ndarray) -> None:
@@ -185,24 +187,15 @@ class GrowingPrint:
         return bool(there.any()) and float(CurveSet.build(self._curves[there]).distances(point[None])[0]) <= bead
 
     def _settle(self) -> None:
-        settings, struts = self.settings, np.flatnonzero(self._standing)
+        struts = np.flatnonzero(self._standing)
         before, self._settled_at = self._settled_at, self.clock
         if len(struts) == 0:
             return
-        age = self.clock - self._laid_at[struts]
-        middle = 0.5 * (np.maximum(before, self._laid_at[struts]) + self.clock) - self._laid_at[struts]
-        taken = settings.weight_taken(age)
-        share, self._taken[struts] = taken - self._taken[struts], taken
-        weight = self.scale * own_weight(self.design, settings)[struts] * share
+        settings, chance = self.settings, self.chance
+        stiffness = stiffness_between(settings, self._laid_at[struts], before, self.clock, chance.speed[struts])
+        load = self.scale * own_weight(self.design, settings)[struts, None] * chance.pull[struts]
         frame, nodes = self._part(struts)
-        frame = settled(
-            frame,
-            settings.stiffness(self.chance.soft[struts], middle),
-            weight[:, None] * self.chance.pull[struts],
-            material=settings.material,
-            softest_axial=settings.softest_axial,
-            pieces=settings.pieces,
-        )
+        frame = settled(frame, stiffness, load, settings)
         self._points[nodes], self._curves[struts] = frame.vertices, frame.control_points
         now, laid = self._shape(struts), self._as_laid[struts]
         torn = (np.abs(now[:, :2] - laid[:, :2]) > settings.tear_angle).any(axis=1)

@@ -1,4 +1,4 @@
-"""One increment of a print's deformation: the load that came on acts on the stiffness that is there now."""
+"""One increment of a print's deformation."""
 
 from __future__ import annotations
 
@@ -6,41 +6,37 @@ import numpy as np
 
 from frametwin import bezier
 from frametwin.finite_rotation import RotatedShape
+from frametwin.printing.material import PrintSettings
 from frametwin.sag import moved_frame
-from frametwin.stiffness import FrameBeams, Material
+from frametwin.stiffness import FrameBeams
 from frametwin.wireframe import Wireframe
 
 SAMPLES = 10
 """Intervals of the curve parameter from which bent struts are refitted."""
 
 
-def settled(
-    frame: Wireframe,
-    stiffness: np.ndarray,
-    load: np.ndarray,
-    *,
-    material: Material,
-    softest_axial: float,
-    pieces: int = 2,
-) -> Wireframe:
-    """The frame after a load came on: hypoelastic, its shape before being free of stress.
-
-    What a strut was bent to while soft is its shape when it hardens (solidification, as Z. P. Bazant and S. Prasannan
-    have it for ageing concrete, J. Eng. Mech. 115(8), 1989): increments add up, each on the stiffness of its time.
+def settled(frame: Wireframe, stiffness: np.ndarray, load: np.ndarray, settings: PrintSettings) -> Wireframe:
+    """The frame after some time under a load; its shape before is free of stress, as befits what flows.
 
     Parameters
     ----------
     frame
         What stands, all of it printed and connected to a grounded joint.
     stiffness
-        (E,) of the struts relative to ``material``.
+        (E,) of the struts relative to the hardened material (`frametwin.printing.calibration.stiffness_between`).
     load
-        (E, 3) increment of the even load in N/mm.
-    material, softest_axial, pieces
+        (E, 3) even load in N/mm.
+    settings
         See `PrintSettings`.
     """
-    axial = np.maximum(stiffness, softest_axial)
-    beams = FrameBeams.build(frame, stiffness, axial_scale=axial, material=material, load=load, pieces=pieces)
+    beams = FrameBeams.build(
+        frame,
+        stiffness,
+        axial_scale=settings.axial * stiffness,
+        material=settings.material,
+        load=load,
+        pieces=settings.pieces,
+    )
     joints = beams.solve()
     vertices, displacement = RotatedShape.build(beams, joints, SAMPLES).at(1.0)
     return moved_frame(frame, vertices, bezier.refit_matrix(SAMPLES) @ displacement)
