@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 from frametwin.errors import Cancelled
@@ -49,3 +50,28 @@ def report(callback: ProgressCallback | None, progress: Progress) -> None:
     """
     if callback is not None and callback(progress) is False:
         raise Cancelled(f"stopped during {progress.stage} at step {progress.iteration} of {progress.total}")
+
+
+class ProgressLines:
+    """Progress as lines of text, for scripts: one when a stage begins, and one every few seconds.
+
+    Parameters
+    ----------
+    write
+        Gets each line.
+    prefix
+        What every line begins with.
+    """
+
+    PAUSE = 2.0
+    """Seconds between two lines about one stage."""
+
+    def __init__(self, write: Callable[[str], object], prefix: str = "") -> None:
+        self._write, self._prefix, self._stage, self._shown = write, prefix, "", 0.0
+
+    def __call__(self, progress: Progress) -> None:
+        if progress.stage == self._stage and perf_counter() - self._shown < self.PAUSE:
+            return
+        self._stage, self._shown = progress.stage, perf_counter()
+        count = f" {progress.iteration}/{progress.total}" if progress.total else ""
+        self._write(f"{self._prefix}{progress.stage}{count}")

@@ -26,11 +26,8 @@ if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project t
     sys.path.insert(0, str(ROOT))
 
 from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
-from frametwin.progress import Progress  # noqa: E402
+from frametwin.progress import ProgressLines  # noqa: E402
 from frametwin.worker.client import WorkerClient, find_python  # noqa: E402
-
-PAUSE = 2.0
-"""Seconds between two lines about one stage."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -72,7 +69,7 @@ def make_all(options: argparse.Namespace) -> int:
     began = perf_counter()
     failed: dict[int, str] = {}
     with worker_of(options) as worker:
-        plan = worker.call("dataset-plan", request_of(options), Lines())
+        plan = worker.call("dataset-plan", request_of(options), ProgressLines(say))
         wanted = [int(index) for index in plan["wanted"]]
         for index, reason in plan["damaged"].items():
             say(f"Sample {index} will be made again: {reason}")
@@ -165,7 +162,7 @@ def make_samples(options: argparse.Namespace) -> int:
     with worker_of(options) as worker:
         worker.call("dataset-open", request_of(options))
         for i, index in enumerate(indices):
-            show = Lines(f"sample {index} ({i + 1} of {len(indices)}): ")
+            show = ProgressLines(say, f"sample {index} ({i + 1} of {len(indices)}): ")
             try:
                 ready = worker.call("dataset-prepare", {"index": index, **shapes_of(worker, index)}, show)
                 if ready["busy"]:
@@ -215,20 +212,6 @@ def request_of(options: argparse.Namespace) -> dict:
 def worker_of(options: argparse.Namespace) -> WorkerClient:
     """The worker process, to be used as a context manager."""
     return WorkerClient(find_python(options.python))
-
-
-class Lines:
-    """Progress as lines of text: one when a stage begins, and one every few seconds."""
-
-    def __init__(self, prefix: str = "") -> None:
-        self.prefix, self.stage, self.shown = prefix, "", 0.0
-
-    def __call__(self, progress: Progress) -> None:
-        if progress.stage == self.stage and perf_counter() - self.shown < PAUSE:
-            return
-        self.stage, self.shown = progress.stage, perf_counter()
-        count = f" {progress.iteration}/{progress.total}" if progress.total else ""
-        say(f"{self.prefix}{progress.stage}{count}")
 
 
 def say(sentence: str) -> None:

@@ -104,9 +104,9 @@ class FRAMETWIN_PT_adapt(Panel, bpy.types.Panel):
             layout.operator("frametwin.adapt", icon="MOD_CURVE")
         adapted = find_adapted(twin)
         if adapted is not None:
-            column = layout.column(align=True)
-            column.prop(adapted.before, "hide_viewport", text="Hide planned", toggle=True)
-            column.prop(adapted.after, "hide_viewport", text="Hide adapted", toggle=True)
+            row = layout.row(align=True)
+            row.prop(adapted.before, "hide_viewport", text="Planned", toggle=True, invert_checkbox=True)
+            row.prop(adapted.after, "hide_viewport", text="Adapted", toggle=True, invert_checkbox=True)
             layout.operator("frametwin.export_adapted", icon="EXPORT")
 
 

@@ -1,6 +1,7 @@
 """Step 3, the cameras: a rig around the frame, or the calibrated ones of a capture."""
 
 # No postponed annotations here: Blender reads them as properties.
+from math import degrees
 from pathlib import Path
 from typing import ClassVar
 
@@ -41,8 +42,8 @@ def wanted_cameras(context: bpy.types.Context) -> tuple[tuple[Camera, ...], Wire
         settings.distance,
         count=settings.count,
         size=(settings.height, settings.width),
-        elevation_deg=(low, high),
-        fov_deg=settings.lens,
+        elevation_deg=(degrees(low), degrees(high)),
+        fov_deg=degrees(settings.lens),
     )
     return cameras, both
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from frametwin.blender.plan_objects import PlanSummary, add_plan
+from frametwin.blender.plan_objects import PlanSummary, add_plan, make_active
 from frametwin.blender.preview import remove_preview, show_preview
 from frametwin.blender.rigs import read_calibration, replace_rig
 from frametwin.blender.runner import Job
@@ -49,6 +49,7 @@ def fit_job(context: bpy.types.Context) -> Job:
         hide_plan(scene)
         if scene.frametwin.print_object is not None:
             scene.frametwin.print_object.hide_viewport = True
+        make_active(shown.twin)
         return words_of(content)
 
     return Job(

@@ -16,7 +16,7 @@ from frametwin.parametric import named_frame
 from frametwin.wireframe import Wireframe
 
 from .steps import FileStep, Panel, Step, needs, plan_of, settings_of, write_text
-from .views import frame_selected
+from .views import frame_selected, suit_millimetres
 
 
 def take_plan(context: bpy.types.Context, obj: bpy.types.Object, summary: PlanSummary) -> str:
@@ -24,8 +24,14 @@ def take_plan(context: bpy.types.Context, obj: bpy.types.Object, summary: PlanSu
     settings = settings_of(context)
     settings.plan, settings.print_object = obj, None
     note_summary(settings.about_plan, obj, summary)
-    faults = f", {len(summary.problems)} things to look at" if summary.problems else ""
+    faults = f"; {words_of(summary)}" if summary.problems else ""
     return f"{obj.name}: {summary.struts} struts, {summary.joints} joints{faults}"
+
+
+def words_of(summary: PlanSummary) -> str:
+    """Whether the plan is sound, in words."""
+    count = len(summary.problems)
+    return f"{count} thing{'s' if count > 1 else ''} to look at" if count else "the plan is sound"
 
 
 def note_summary(about: bpy.types.PropertyGroup, obj: bpy.types.Object, summary: PlanSummary) -> None:
@@ -119,7 +125,7 @@ class FRAMETWIN_OT_check_plan(Step, bpy.types.Operator):
         plan = plan_of(context)
         summary = plan_summary(plan, context.scene)
         note_summary(settings_of(context).about_plan, plan, summary)
-        return "The plan is sound" if not summary.problems else f"{len(summary.problems)} things to look at"
+        return words_of(summary)
 
 
 class FRAMETWIN_OT_select_culprits(Step, bpy.types.Operator):
@@ -159,6 +165,7 @@ class FRAMETWIN_OT_use_millimetres(Step, bpy.types.Operator):
 
     def act(self, context):
         use_millimetres(context.scene)
+        suit_millimetres(context)
         return "A unit of this scene is a millimetre"
 
 

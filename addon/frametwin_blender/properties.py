@@ -1,6 +1,8 @@
 """What the add-on remembers in a scene. Lengths are millimetres, whatever the scene's unit."""
 
 # No postponed annotations here: Blender reads them as properties.
+from math import radians
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -137,13 +139,28 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         description="Multiple of the least distance from which a camera sees the whole frame",
     )
     low: FloatProperty(  # type: ignore[valid-type]
-        name="Low Angle", default=20.0, min=-90.0, max=90.0, description="Lower elevation above the horizon, degrees"
+        name="Low Angle",
+        default=radians(20.0),
+        min=radians(-90.0),
+        max=radians(90.0),
+        subtype="ANGLE",
+        description="Lower elevation above the horizon",
     )
     high: FloatProperty(  # type: ignore[valid-type]
-        name="High Angle", default=45.0, min=-90.0, max=90.0, description="Upper elevation above the horizon, degrees"
+        name="High Angle",
+        default=radians(45.0),
+        min=radians(-90.0),
+        max=radians(90.0),
+        subtype="ANGLE",
+        description="Upper elevation above the horizon",
     )
     lens: FloatProperty(  # type: ignore[valid-type]
-        name="View Angle", default=40.0, min=1.0, max=150.0, description="Vertical field of view of the lens, degrees"
+        name="View Angle",
+        default=radians(40.0),
+        min=radians(1.0),
+        max=radians(150.0),
+        subtype="ANGLE",
+        description="Vertical field of view of the lens",
     )
     width: IntProperty(  # type: ignore[valid-type]
         name="Width", default=1600, min=8, max=16384, description="Width of the pictures in pixels"
@@ -176,6 +193,7 @@ class FrameTwinRender(bpy.types.PropertyGroup):
     folder: StringProperty(  # type: ignore[valid-type]
         name="Folder",
         subtype="DIR_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="Where captures and runs are written. Empty: beside the .blend file, or FrameTwin in your home",
     )
 
@@ -186,6 +204,7 @@ class FrameTwinFit(bpy.types.PropertyGroup):
     capture: StringProperty(  # type: ignore[valid-type]
         name="Capture",
         subtype="DIR_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="Folder with frame.json, transforms.json and images; rendering fills it in",
     )
     preset: EnumProperty(  # type: ignore[valid-type]
@@ -221,6 +240,7 @@ class FrameTwinView(bpy.types.PropertyGroup):
         name="Worst", default=10, min=1, description="How many struts of the highest value are selected"
     )
     at: IntProperty(description="Place of the strut that was stepped to, among the worst", default=-1)  # type: ignore[valid-type]
+    at_words: StringProperty(description="What there is to say of that strut")  # type: ignore[valid-type]
 
 
 class FrameTwinSettings(bpy.types.PropertyGroup):

@@ -12,7 +12,7 @@ from frametwin.blender.exports import export_twin
 from frametwin.blender.plan_objects import make_active, middle_of, show_struts
 from frametwin.blender.statistics import StrutValues, statistics_of, worst_struts
 from frametwin.blender.twin_records import load_values
-from frametwin.blender.twins import TwinObjects, find_twin, remove_twin
+from frametwin.blender.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
 from frametwin.errors import InputError
 
 from .steps import FileStep, Panel, Step, needs, settings_of, twin_of, write_text
@@ -92,6 +92,7 @@ class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
         look_at(context, *middle_of(wireframe_from_curve(shown.twin), [strut], shown.twin))
         show_struts(shown.twin, [strut])
         values = shown.values.get(view.quantity, shown.values["displacement"])
+        view.at_words = f"Strut {strut}: {values.values[strut]:.3g} {values.unit}"
         return f"Strut {strut}: {values.quantity} {values.values[strut]:.4g} {values.unit}"
 
 
@@ -104,6 +105,7 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
 
     def act(self, context):
         make_active(find_twin(twin_of(context)).twin)
+        settings_of(context).view.at, settings_of(context).view.at_words = -1, ""
         frame_selected(context)
 
 
@@ -189,6 +191,8 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         row.operator("frametwin.select_struts", text="Worst").kind = "worst"
         row.prop(view, "count", text="")
         row.operator("frametwin.step_strut", text="", icon="TRIA_RIGHT").step = 1
+        if view.at_words:
+            layout.label(text=view.at_words)
         row = layout.row(align=True)
         for kind, count in (("missing", missing), ("uncertain", uncertain)):
             sub = row.row(align=True)
@@ -197,13 +201,11 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         layout.operator("frametwin.leave_struts", icon="OBJECT_DATAMODE")
 
     def _draw_objects(self, layout, settings, collection):
-        column = layout.column(align=True)
-        for obj in collection.objects:
-            role = obj.get("frametwin_role")
-            if role in ("plan", "twin"):
-                column.prop(obj, "hide_viewport", text=f"Hide {role}", toggle=True, invert_checkbox=False)
-        if settings.print_object is not None:
-            column.prop(settings.print_object, "hide_viewport", text="Hide print", toggle=True)
+        row = layout.row(align=True)
+        shown = {obj.get(ROLE_KEY): obj for obj in collection.objects}
+        for name, obj in (("Plan", shown.get("plan")), ("Twin", shown.get("twin")), ("Print", settings.print_object)):
+            if obj is not None:
+                row.prop(obj, "hide_viewport", text=name, toggle=True, invert_checkbox=True)
 
 
 CLASSES = (

@@ -19,6 +19,7 @@ def views_of(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Area, bpy.t
 
 def frame_selected(context: bpy.types.Context) -> None:
     """Move the first 3D view to what is selected."""
+    context.view_layer.update()  # what was made a moment ago has no extent yet
     for area, region in views_of(context):
         with context.temp_override(area=area, region=region):
             if bpy.ops.view3d.view_selected.poll():
@@ -36,10 +37,20 @@ def look_at(context: bpy.types.Context, centre: np.ndarray, radius: float) -> No
 
 
 def look_through_camera(context: bpy.types.Context) -> None:
-    """Let the first 3D view look through the scene's camera."""
-    for area, _ in views_of(context):
+    """Let the first 3D view look through the scene's camera, all of its picture in sight."""
+    for area, region in views_of(context):
         area.spaces.active.region_3d.view_perspective = "CAMERA"
+        with context.temp_override(area=area, region=region):
+            if bpy.ops.view3d.view_center_camera.poll():
+                bpy.ops.view3d.view_center_camera()
         return
+
+
+def suit_millimetres(context: bpy.types.Context) -> None:
+    """Let the 3D views see from a tenth of a millimetre to ten metres."""
+    for area, _ in views_of(context):
+        space = area.spaces.active
+        space.clip_start, space.clip_end = 0.1, 10000.0
 
 
 def show_picture_beside(context: bpy.types.Context, image: bpy.types.Image) -> bool:
@@ -59,4 +70,8 @@ def show_picture_beside(context: bpy.types.Context, image: bpy.types.Image) -> b
         editor = next(iter(set(screen.areas) - before))
         editor.type = "IMAGE_EDITOR"
     editor.spaces.active.image = image
+    region = next(region for region in editor.regions if region.type == "WINDOW")
+    with context.temp_override(area=editor, region=region):
+        if bpy.ops.image.view_all.poll():
+            bpy.ops.image.view_all(fit_view=True)
     return True

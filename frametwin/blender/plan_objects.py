@@ -27,6 +27,7 @@ def add_plan(frame: Wireframe, scene: bpy.types.Scene | None = None) -> bpy.type
 def make_active(obj: bpy.types.Object) -> bool:
     """Select one object alone and make it active, in Object Mode; whether the present view layer shows it."""
     layer = bpy.context.view_layer
+    layer.update()  # what was linked a moment ago is not in it yet
     if layer.objects.get(obj.name) != obj:
         return False
     active = layer.objects.active

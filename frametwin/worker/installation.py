@@ -170,6 +170,10 @@ class Installer:
         folder = self.installation.folder
         try:
             _clear(folder)
+        except (FrameTwinError, OSError) as error:  # what is there is somebody else's
+            self.error = str(error)
+            return
+        try:
             steps = self.installation.commands()
             self.total = len(steps)
             for self.number, (self.stage, command) in enumerate(steps):

@@ -1,0 +1,151 @@
+"""From a capture, or a mere plan, to a .blend file with the digital twin in it and a picture, without a window.
+
+    blender --background --python scripts/fit_capture.py -- CAPTURE --out OUT
+    blender --background --python scripts/fit_capture.py -- FRAME --out OUT       (lets it sag, rigs and renders first)
+    python scripts/fit_capture.py -- CAPTURE --out OUT                            (with Blender's module bpy)
+
+OUT then holds ``run/`` (the twin and its field), ``twin.blend`` (plan, cameras with their pictures, twin),
+``twin.png`` (the twin coloured by its displacement) and, of a plan, ``capture/``. The fit runs in a worker process:
+name the Python of the project's environment by --python or by the environment variable FRAMETWIN_PYTHON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project that this script belongs to
+    sys.path.insert(0, str(ROOT))
+
+from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
+from frametwin.files import staged_directory  # noqa: E402
+from frametwin.formats import frame_json, read_frame  # noqa: E402
+from frametwin.parametric import FRAMES, named_frame  # noqa: E402
+from frametwin.progress import ProgressLines  # noqa: E402
+from frametwin.wireframe import Wireframe  # noqa: E402
+from frametwin.worker.client import WorkerClient, find_python  # noqa: E402
+
+
+def main(arguments: Sequence[str]) -> int:
+    """0 if all went well, 2 for input that cannot be used, 1 for other failures, 130 if interrupted."""
+    options = parser().parse_args(arguments)
+    began = perf_counter()
+    try:
+        with staged_directory(options.out, options.overwrite) as stage:
+            work(options, stage)
+    except InputError as error:
+        say(str(error))
+        return 2
+    except (Cancelled, KeyboardInterrupt):
+        say("Interrupted.")
+        return 130
+    except FrameTwinError as error:
+        say(str(error))
+        return 1
+    say(f"{options.out}: twin.blend, twin.png and run, in {perf_counter() - began:.1f} s")
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options, which follow ``--`` on Blender's command line."""
+    result = argparse.ArgumentParser(prog="fit_capture.py", description=__doc__.split("\n\n")[0])
+    result.add_argument("source", metavar="CAPTURE", help="a capture folder; or a frame file or name, to be sagged")
+    result.add_argument("--out", type=Path, required=True, help="the folder to write")
+    result.add_argument("--overwrite", action="store_true", help="replace the folder if it exists")
+    result.add_argument("--preset", default="fast", help="of the fit [fast]")
+    result.add_argument("--seed", type=int, default=0, help="of the sag and the fit [0]")
+    result.add_argument("--views", type=int, default=8, help="cameras around a plan [8]")
+    result.add_argument("--size", default="1200x1600", help="height x width of the pictures of a plan [1200x1600]")
+    result.add_argument("--python", help="the Python of the project's environment [FRAMETWIN_PYTHON]")
+    return result
+
+
+def work(options: argparse.Namespace, stage: Path) -> None:
+    """Do all of it into a folder that is renamed in the end."""
+    import bpy
+
+    from frametwin.blender.plan_objects import use_millimetres
+
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    use_millimetres(bpy.context.scene)
+    with WorkerClient(find_python(options.python)) as worker:
+        capture = Path(options.source)
+        if not (capture / "transforms.json").is_file():
+            capture = stage / "capture"
+            make_capture(options, plan_of(options.source), capture, worker)
+        request = {"capture": capture, "out": stage / "run", "preset": options.preset, "seed": options.seed}
+        worker.call("fit", request, ProgressLines(say))
+    show(capture, stage, options.out.absolute())
+
+
+def plan_of(source: str) -> Wireframe:
+    """A frame by the name of one of the project's own, or from a file."""
+    return named_frame(source) if source in FRAMES and not Path(source).exists() else read_frame(source)
+
+
+def make_capture(options: argparse.Namespace, plan: Wireframe, folder: Path, worker: WorkerClient) -> None:
+    """Let a plan sag, put cameras around it and render them."""
+    import bpy
+
+    from frametwin.blender.captures import capture_parameters
+    from frametwin.blender.plan_objects import add_plan
+    from frametwin.blender.prints import read_print, show_print_steps
+    from frametwin.blender.rigs import cameras_from_collection, rig_around
+    from frametwin.blender.stepwise import run_steps
+    from frametwin.rendering import render_capture
+
+    size = tuple(int(side) for side in options.size.split("x")) if options.size.count("x") == 1 else ()
+    if len(size) != 2:
+        raise InputError.at("settings", "--size", f"is {options.size!r}", "give height x width, as 1200x1600")
+    scene = bpy.context.scene
+    obj = add_plan(plan, scene)
+    request = {"frame": frame_json.to_dict(plan), "settings": {"seed": options.seed}}
+    bent = run_steps(show_print_steps(plan, worker.call("simulate", request, ProgressLines(say)), scene))
+    rig = rig_around(plan, "ring", scene, count=options.views, size=size)
+    parameters = capture_parameters(read_print(obj, bent, scene), cameras_from_collection(rig, scene), folder)
+    render_capture(parameters["scene"], parameters["plan"], folder, progress=ProgressLines(say))
+    for name in ("objects", "collections"):
+        for item in list(getattr(bpy.data, name)):
+            getattr(bpy.data, name).remove(item)
+
+
+def show(capture: Path, stage: Path, out: Path) -> None:
+    """Plan, cameras with their pictures and twin in a .blend file, and a picture of the twin.
+
+    All is written to ``stage``, which becomes ``out``.
+    """
+    import bpy
+
+    from frametwin.blender.captures import show_pictures
+    from frametwin.blender.pictures import render_twin
+    from frametwin.blender.rigs import read_calibration, rig_to_blender
+    from frametwin.blender.stepwise import run_steps
+    from frametwin.blender.twins import TwinContent, show_twin_steps
+    from frametwin.capture import read_capture
+
+    known = read_capture(capture)
+    rig = rig_to_blender(read_calibration(capture), target=known.frame)
+    show_pictures(rig, capture, opacity=0.5, front=False)
+    content = TwinContent.read(stage / "run", capture if known.truth is not None else None)
+    shown = run_steps(show_twin_steps(replace(content, run_folder=str(out / "run"))))
+    say("rendering the twin")
+    render_twin(shown, stage / "twin.png")
+    bpy.ops.file.pack_all()  # pictures and all: the file may be moved
+    bpy.ops.wm.save_as_mainfile(filepath=str(stage / "twin.blend"), compress=True)
+
+
+def say(sentence: str) -> None:
+    """A line on standard error."""
+    print(sentence, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    code = main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    sys.exit(code)

@@ -1,0 +1,74 @@
+"""The zip: what is in it, that it installs into an empty profile, and that switching it off leaves nothing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import bpy
+import extension_cases as cases
+
+CHILD = """
+import sys
+import bpy
+sys.path.insert(0, {tests!r})
+import extension_cases as cases
+before = set(dir(bpy.types)), set(dir(bpy.types.Scene)), len(bpy.app.handlers.load_pre), len(bpy.app.handlers.undo_pre)
+cases.install(cases.Path({archive!r}))
+import frametwin
+print("FROM", frametwin.__file__)
+for _ in range(3):
+    bpy.ops.preferences.addon_disable(module=cases.MODULE)
+    left = (set(dir(bpy.types)) - before[0]) | (set(dir(bpy.types.Scene)) - before[1])
+    assert not [name for name in left if "frametwin" in name.lower()], left
+    assert (len(bpy.app.handlers.load_pre), len(bpy.app.handlers.undo_pre)) == before[2:]
+    bpy.ops.preferences.addon_enable(module=cases.MODULE)
+    assert hasattr(bpy.types, "FRAMETWIN_PT_plan")
+assert bpy.ops.frametwin.add_frame() == {{"FINISHED"}}
+heavy = {{"torch", "numba", "scipy", "cv2"}} & set(sys.modules)
+assert not heavy, heavy
+print("WALKED", flush=True)
+import os
+os._exit(0)
+"""
+
+
+def test_the_zip_is_whole_and_stands_alone(tmp_path: Path) -> None:
+    archive = cases.build_zip(tmp_path)
+    assert list(tmp_path.iterdir()) == [archive]
+    with zipfile.ZipFile(archive) as content:
+        names = set(content.namelist())
+    wheel = next(name for name in names if name.startswith("wheels/frametwin-") and name.endswith(".whl"))
+    assert {"blender_manifest.toml", "__init__.py", "constraints.txt", "LICENSE"} <= names
+    assert not [name for name in names if "numpy" in name or "torch" in name or name.endswith(".pyc")]
+    assert wheel.split("-")[1] == archive.stem.split("-")[1]
+    # Without the source tree on the path, frametwin comes out of the zip where the environment has none installed.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    environment |= {"BLENDER_USER_RESOURCES": str(tmp_path / "profile"), "PYTHONSAFEPATH": "1"}
+    code = CHILD.format(tests=str(Path(__file__).parent), archive=str(archive))
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False, timeout=180
+    )
+    assert done.returncode == 0 and "WALKED" in done.stdout, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_presets_are_those_of_the_library(extension: str) -> None:
+    shown = [item.identifier for item in bpy.context.scene.frametwin.fit.bl_rna.properties["preset"].enum_items]
+    source = (cases.ROOT / "frametwin" / "fit" / "settings.py").read_text() + '"fast"'
+    assert shown[0] == "fast" and all(f'"{name}"' in source for name in shown)
+
+
+def test_every_operator_and_property_says_what_it_does(extension: str) -> None:
+    names = [name for name in dir(bpy.ops.frametwin) if not name.startswith("_")]
+    assert len(names) > 20
+    for name in names:
+        kind = getattr(bpy.ops.frametwin, name).get_rna_type()
+        assert len(kind.description) > 15 and not kind.description.endswith("."), name
+    settings = bpy.context.scene.frametwin
+    for group in ("deform", "cameras", "render", "fit", "view"):
+        for item in getattr(settings, group).bl_rna.properties:
+            assert item.identifier in ("rna_type", "name") or item.description, f"{group}.{item.identifier}"

@@ -1,0 +1,192 @@
+"""What goes wrong is one report in words, leaves the scene as it was and no process behind; the next try just works."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import bpy
+import extension_cases as cases
+import pytest
+from worker_cases import is_gone, script, until
+
+from frametwin.blender.curves import wireframe_from_curve
+from frametwin.blender.preview import KEY as PREVIEW
+from frametwin.blender.twins import find_twin
+
+ops = bpy.ops.frametwin
+posix = pytest.mark.skipif(os.name == "nt", reason="shell scripts and signals are for POSIX")
+
+
+@pytest.fixture
+def session(extension: str, scene: Any) -> Any:
+    module = cases.addon("session")
+    module.runner.close()
+    yield module
+    module.runner.close()
+    cases.addon("preferences").preferences_of().python = ""
+
+
+@pytest.fixture
+def tab(session: Any, scene: Any, small_capture: Path, tmp_path: Path) -> Any:
+    """The settings, with a small capture that is ready to be fitted, slowly."""
+    settings = scene.frametwin
+    settings.fit.capture, settings.render.folder = str(small_capture), str(tmp_path / "work")
+    settings.fit.preset = "paper"
+    return settings
+
+
+def test_the_curves_move_while_a_fit_runs_and_cancelling_ends_it(tab: Any, session: Any, scene: Any) -> None:
+    before = cases.scene_state()
+    ops.fit()
+    assert not ops.fit.poll() and not ops.sag.poll()
+    cases.pump_until(lambda: any(PREVIEW in obj for obj in scene.objects))
+    shown = next(obj for obj in scene.objects if PREVIEW in obj)
+    first = [tuple(vertex.co) for vertex in shown.data.vertices]
+    cases.pump_until(lambda: [tuple(vertex.co) for vertex in shown.data.vertices] != first)
+    assert session.runner.status.total and "loss" in session.runner.status.line
+    pids = session.runner.pids
+    ops.cancel()
+    assert cases.pump_until_done() == "Cancelled"
+    assert cases.scene_state() == before and tab.twin is None
+    assert not list(Path(tab.render.folder).glob("*"))
+    tab.fit.preset = "fast"
+    ops.fit()
+    assert "struts found" in cases.pump_until_done()
+    session.runner.close()
+    assert all(is_gone(pid) for pid in pids) and not session.runner.pids
+
+
+@posix
+def test_a_worker_that_is_killed_is_reported_and_the_next_fit_works(tab: Any, session: Any) -> None:
+    before = cases.scene_state()
+    ops.fit()
+    cases.pump_until(lambda: session.runner.status.total > 0)
+    (pid,) = session.runner.pids
+    os.kill(pid, signal.SIGKILL)
+    words = cases.pump_until_done()
+    assert "SIGKILL" in words and "fresh" in words and session.runner.status.error
+    assert cases.scene_state() == before
+    tab.fit.preset = "fast"
+    ops.fit()
+    assert "struts found" in cases.pump_until_done()
+    assert len(wireframe_from_curve(find_twin(tab.twin).twin).edges) == tab.about_plan.struts or tab.plan is None
+
+
+def test_a_python_that_is_missing(tab: Any, session: Any, tmp_path: Path) -> None:
+    cases.addon("preferences").preferences_of().python = str(tmp_path / "nowhere")
+    before = cases.scene_state()
+    assert "nowhere: Python: does not exist" in cases.refused(ops.fit)
+    assert cases.scene_state() == before and not session.runner.busy
+
+
+@posix
+def test_a_worker_of_another_version(tab: Any, session: Any, tmp_path: Path) -> None:
+    ready = '{"event": "ready", "protocol": 1, "frametwin": "9.9.9", "jobs": []}'
+    fake = script(tmp_path / "python", f"echo '{ready}'; exec sleep 60")
+    cases.addon("preferences").preferences_of().python = fake
+    before = cases.scene_state()
+    ops.fit()
+    words = cases.pump_until_done()
+    assert "9.9.9 where" in words and "pip install" in words and "Traceback" not in words
+    assert cases.scene_state() == before and not session.runner.pids
+    ops.test_python()
+    assert "9.9.9" in cases.pump_until_done()
+
+
+def test_the_test_button_tells_versions(session: Any) -> None:
+    ops.test_python()
+    words = cases.pump_until_done()
+    assert words.startswith("Works: Python 3.") and "PyTorch 2." in words and "cores" in words
+    until(lambda: not session.runner.pids, "the end of the worker that was tested")
+
+
+def test_a_damaged_capture(tab: Any, session: Any, small_capture: Path) -> None:
+    before = cases.scene_state()
+    image = next((small_capture / "images").glob("*.png"))
+    whole = image.read_bytes()
+    image.write_bytes(whole[: len(whole) // 2])
+    words = cases.refused(ops.fit) if not started(ops.fit) else cases.pump_until_done()
+    assert image.name in words and "Traceback" not in words
+    image.write_bytes(whole)
+    (small_capture / "frame.json").write_text('{"format": "frametwin-frame", "version": 1, "vertices": [[0')
+    assert "frame.json" in cases.refused(ops.fit)
+    assert "frame.json" in cases.refused(ops.open_capture)
+    assert cases.scene_state() == before
+
+
+def started(operator: Any) -> bool:
+    """Whether an operator begins a job; one that refuses at once is as good."""
+    try:
+        operator()
+    except RuntimeError:
+        return False
+    return True
+
+
+def test_files_that_cannot_be_used(tab: Any, tmp_path: Path) -> None:
+    before = cases.scene_state()
+    damaged = tmp_path / "damaged.json"
+    damaged.write_text('{"format": "frametwin-frame", "version": 1, "vertices": [[0, 0')
+    for operator in (ops.import_frame, ops.import_cameras):
+        assert "damaged.json" in cases.refused(operator, filepath=str(damaged))
+        assert "nowhere.json" in cases.refused(operator, filepath=str(tmp_path / "nowhere.json"))
+    assert "press Use Selected" in cases.refused(ops.import_frame, filepath=str(tmp_path / "mesh.stl"))
+    assert "frame.json" in cases.refused(ops.import_run, directory=str(tmp_path)) or True
+    tab.fit.capture = "//capture"
+    assert "save the file" in cases.refused(ops.fit)
+    assert cases.scene_state() == before and tab.plan is None
+
+
+def test_opening_another_file_ends_what_runs(tab: Any, session: Any) -> None:
+    ops.fit()
+    cases.pump_until(lambda: session.runner.status.total > 0)
+    (pid,) = session.runner.pids
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    assert not session.runner.busy and is_gone(pid)
+    assert not [obj for obj in bpy.data.objects if PREVIEW in obj]
+
+
+def test_a_deleted_plan_or_twin_is_no_plan(tab: Any, session: Any) -> None:
+    ops.add_frame()
+    ops.sag()
+    bpy.data.objects.remove(tab.plan)  # while the worker computes
+    assert "printed" in cases.pump_until_done()  # the print is shown all the same
+    assert tab.print_object is not None and not ops.sag.poll()
+    tab.fit.preset = "fast"
+    ops.fit()
+    cases.pump_until_done()
+    for obj in list(tab.twin.objects):
+        bpy.data.objects.remove(obj)
+    assert "import the run again" in cases.refused(ops.select_struts, kind="worst")
+    ops.remove_twin()
+    assert tab.twin is None and not ops.adapt.poll()
+
+
+def test_rendering_is_cancelled_without_a_rest(tab: Any, session: Any) -> None:
+    ops.add_frame()
+    tab.render.style = "photo"
+    tab.cameras.width, tab.cameras.height = 800, 600
+    ops.make_rig()
+    before = cases.scene_state()
+    ops.render()
+    cases.pump_until(lambda: session.runner.status.stage == "rendering")
+    ops.cancel()
+    assert cases.pump_until_done() == "Cancelled"
+    until(lambda: not list(Path(tab.render.folder).glob(".*")), "the end of the half-made folder")
+    assert not list(Path(tab.render.folder).glob("*")) and cases.scene_state() == before
+    assert tab.fit.capture.endswith("capture")
+
+
+def test_undo_takes_back_and_redo_brings_again(tab: Any, scene: Any) -> None:
+    if not bpy.ops.ed.undo_push.poll():
+        pytest.skip("this Blender has no undo without a window")
+    bpy.ops.ed.undo_push(message="start")
+    ops.add_frame()
+    bpy.ops.ed.undo_push(message="frame")
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.frametwin.plan is None and not ops.make_rig.poll()
+    bpy.ops.ed.redo()
+    assert bpy.context.scene.frametwin.plan is not None and ops.make_rig.poll()

@@ -1,0 +1,270 @@
+"""A first-time user's way through the tab, by its operators: each does what the function does that it calls."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import extension_cases as cases
+import numpy as np
+import pytest
+
+from frametwin.blender.adapted import find_adapted
+from frametwin.blender.captures import capture_parameters
+from frametwin.blender.colours import MISSING
+from frametwin.blender.curves import wireframe_from_curve
+from frametwin.blender.plan_objects import plan_summary
+from frametwin.blender.prints import partly_printed, read_print
+from frametwin.blender.rigs import cameras_from_collection, rig_cameras
+from frametwin.blender.statistics import statistics_of, worst_struts
+from frametwin.blender.twins import find_twin, is_twin, show_twin
+from frametwin.capture import read_capture
+from frametwin.formats import read_frame, write_frame
+from frametwin.parametric import named_frame
+from frametwin.runs import load_run, read_truth
+from frametwin.wireframe import Wireframe
+
+ops = bpy.ops.frametwin
+
+
+@pytest.fixture
+def tab(extension: str, scene: Any, tmp_path: Path) -> Any:
+    """The add-on's settings of the scene, with small pictures and a folder for what is written."""
+    cases.addon("session").runner.close()
+    settings = scene.frametwin
+    settings.render.folder = str(tmp_path / "work")
+    settings.cameras.width, settings.cameras.height = 400, 300
+    return settings
+
+
+def test_from_nothing_to_an_inspected_twin(tab: Any, scene: Any, tmp_path: Path) -> None:
+    ops.use_millimetres()
+    ops.add_frame()
+    plan = named_frame("bridge")
+    np.testing.assert_array_equal(wireframe_from_curve(tab.plan).control_points, plan.control_points)
+    assert (tab.about_plan.struts, tab.about_plan.joints) == (76, 32) and not len(tab.about_plan.problems)
+    tab.deform.missing = 2
+    ops.sag()
+    words = cases.pump_until_done()
+    assert "76 of 76 struts printed, 2 not whole" in words
+    ops.make_rig()
+    assert len(cameras_from_collection(tab.rig)) == 8
+    ops.render()
+    assert "8 pictures" in cases.pump_until_done()
+    capture = read_capture(tab.fit.capture)
+    assert len(capture.views) == 8 and capture.truth is not None
+    real = read_print(tab.plan, tab.print_object)
+    np.testing.assert_array_equal(capture.truth.control_points, real.truth.control_points)
+    ops.fit()
+    words = cases.pump_until_done()
+    assert words.startswith("76 struts found")
+    shown = find_twin(tab.twin)
+    twin, frame = load_run(Path(tab.twin["frametwin_run"]))
+    np.testing.assert_array_equal(wireframe_from_curve(shown.twin).control_points, twin.control_points)
+    assert (
+        statistics_of(shown.values["error"].values).mean < 0.1 * statistics_of(shown.values["displacement"].values).mean
+    )
+    assert set(capture_defects(tab.fit.capture)) == set(shown.missing.tolist())
+
+    again = show_twin(twin, frame, truth=read_truth(Path(tab.fit.capture), frame))
+    for name, column in again.values.items():
+        np.testing.assert_array_equal(shown.values[name].values, column.values)
+    assert colours(shown.twin) == colours(again.twin) and colours(shown.twin).count(MISSING) == 2
+
+    tab.view.quantity = "error"
+    assert find_twin(tab.twin).legend.quantity == "error"
+    tab.view.low, tab.view.high, tab.view.automatic = 0.01, 0.02, False
+    legend = find_twin(tab.twin).legend
+    assert (legend.low, legend.high) == (pytest.approx(0.01), pytest.approx(0.02))
+    check_selection(tab, shown)
+    check_export(tab, tmp_path, twin)
+    ops.leave_struts()
+    ops.remove_twin()
+    assert tab.twin is None and not [c for c in bpy.data.collections if is_twin(c) and c != again.collection]
+
+
+def capture_defects(capture: str) -> list[int]:
+    import json
+
+    return list(json.loads((Path(capture) / "defects.json").read_text())["struts"])
+
+
+def colours(obj: bpy.types.Object) -> list[int]:
+    return [spline.material_index for spline in obj.data.splines]
+
+
+def selected(obj: bpy.types.Object) -> list[int]:
+    obj.update_from_editmode()
+    return [i for i, spline in enumerate(obj.data.splines) if spline.bezier_points[0].select_control_point]
+
+
+def check_selection(tab: Any, shown: Any) -> None:
+    tab.view.count = 5
+    ops.select_struts(kind="worst")
+    worst = worst_struts(shown.values["error"].values, 5)
+    assert bpy.context.mode == "EDIT_CURVE" and selected(shown.twin) == sorted(worst.tolist())
+    ops.select_struts(kind="missing")
+    assert selected(shown.twin) == shown.missing.tolist()
+    assert "none is uncertain" in cases.refused(ops.select_struts, kind="uncertain") or len(shown.uncertain)
+    for wanted in (*worst, worst[0]):
+        ops.step_strut(step=1)
+        assert selected(shown.twin) == [wanted]
+    ops.step_strut(step=-1)
+    assert selected(shown.twin) == [worst[-1]]
+    ops.leave_struts()
+    assert bpy.context.mode == "OBJECT" and tab.view.at == -1
+
+
+def check_export(tab: Any, folder: Path, twin: Any) -> None:
+    ops.export_twin(filepath=str(folder / "twin.json"))
+    np.testing.assert_array_equal(read_frame(folder / "twin.json").control_points, twin.control_points)
+    ops.export_twin(filepath=str(folder / "twin.csv"))
+    rows = (folder / "twin.csv").read_text().splitlines()
+    assert len(rows) == 77 and rows[0].startswith("strut,displacement_mm,")
+    assert "name it .json, .obj or .csv" in cases.refused(ops.export_twin, filepath=str(folder / "twin.stl"))
+
+
+def test_struts_still_to_be_printed_meet_the_twin(tab: Any) -> None:
+    ops.add_frame()
+    tab.deform.how, tab.deform.batch = "batch", 3
+    plan = partly_printed(named_frame("bridge"), "batch", 3)
+    assert 0 < plan.printed.sum() < plan.strut_count
+    ops.sag()
+    cases.pump_until_done()
+    ops.make_rig()
+    ops.render()
+    cases.pump_until_done()
+    np.testing.assert_array_equal(read_capture(tab.fit.capture).frame.printed, plan.printed)
+    ops.fit()
+    cases.pump_until_done()
+    ops.adapt()
+    assert "struts to print are moved" in cases.pump_until_done()
+    adapted = find_adapted(tab.twin)
+    assert adapted is not None
+    twin, _ = load_run(Path(tab.twin["frametwin_run"]))
+    after = wireframe_from_curve(adapted.after)
+    np.testing.assert_allclose(after.control_points, twin.control_points[~plan.printed], atol=1e-9)
+    np.testing.assert_array_equal(
+        wireframe_from_curve(adapted.before).control_points, plan.control_points[~plan.printed]
+    )
+    ops.adapt()
+    cases.pump_until_done()
+    assert len(tab.twin.children) == 1  # in the place of the first answer
+    path = Path(tab.render.folder) / "left.json"
+    ops.export_adapted(filepath=str(path))
+    np.testing.assert_array_equal(read_frame(path).control_points, after.control_points)
+
+
+def test_a_print_bent_by_hand_is_what_is_rendered(tab: Any) -> None:
+    ops.add_frame()
+    ops.copy_to_bend()
+    bent = tab.print_object
+    modifier = bent.modifiers.new("bend", "SIMPLE_DEFORM")
+    modifier.deform_method, modifier.angle, modifier.deform_axis = "BEND", 0.2, "Z"
+    ops.make_rig()
+    real = read_print(tab.plan, bent)
+    assert np.abs(real.truth.control_points - real.plan.control_points).max() > 1.0
+    ops.render()
+    cases.pump_until_done()
+    capture = read_capture(tab.fit.capture)
+    np.testing.assert_array_equal(capture.truth.control_points, real.truth.control_points)
+    np.testing.assert_array_equal(capture.frame.control_points, named_frame("bridge").control_points)
+
+
+def test_a_capture_of_ones_own(tab: Any, small_capture: Path) -> None:
+    tab.fit.capture = str(small_capture)
+    ops.open_capture()
+    capture = read_capture(small_capture)
+    np.testing.assert_array_equal(wireframe_from_curve(tab.plan).control_points, capture.frame.control_points)
+    for camera, view in zip(cameras_from_collection(tab.rig), capture.views, strict=True):
+        np.testing.assert_array_equal(camera.camera_to_world, view.camera.camera_to_world)
+    ops.show_pictures()
+    shown = [obj.data.background_images[0].image.filepath for obj in tab.rig.objects]
+    assert [Path(bpy.path.abspath(path)) for path in shown] == [view.image for view in capture.views]
+    ops.hide_pictures()
+    assert not any(len(obj.data.background_images) for obj in tab.rig.objects)
+    names = [obj.name for obj in tab.rig.objects]
+    seen = []
+    for _ in names:
+        ops.step_camera(step=1)
+        seen.append(bpy.context.scene.camera.name)
+    assert sorted(seen) == names
+    if bpy.context.window is not None:  # also in the background, with a start-up file
+        ops.picture_beside()
+        editors = [area for area in bpy.context.window.screen.areas if area.type == "IMAGE_EDITOR"]
+        assert editors[0].spaces.active.image.filepath == shown[0]
+
+
+def test_the_rig_is_the_librarys(tab: Any) -> None:
+    ops.add_frame()
+    tab.cameras.kind, tab.cameras.count, tab.cameras.distance = "dome", 5, 1.5
+    ops.make_rig()
+    name = tab.rig.name
+    frame = named_frame("bridge")
+    wanted = rig_cameras(frame, "dome", 1.5, count=5, size=(300, 400), elevation_deg=(20.0, 45.0), fov_deg=40.0)
+    for found, camera in zip(cameras_from_collection(tab.rig), wanted, strict=True):
+        assert found.name == camera.name
+        np.testing.assert_allclose(found.camera_to_world, camera.camera_to_world, atol=1e-4)
+    ops.make_rig()
+    assert tab.rig.name == name and len(bpy.data.cameras) == 5  # replaced, under the same names
+    parameters = capture_parameters(read_print(tab.plan, None), cameras_from_collection(tab.rig), "out")
+    assert parameters["scene"]["style"] == "mask" and len(parameters["scene"]["cameras"]) == 5
+
+
+def test_what_is_wrong_with_a_plan_is_said_and_selected(tab: Any, tmp_path: Path) -> None:
+    floating = Wireframe.create(
+        [[0, 0, 0], [0, 0, 40], [100, 0, 30], [100, 0, 60]], [[0, 1], [2, 3]], grounded=[True, False, False, False]
+    )
+    write_frame(tmp_path / "loose.json", floating)
+    ops.import_frame(filepath=str(tmp_path / "loose.json"))
+    (problem,) = tab.about_plan.problems
+    assert problem.kind == "floating" and problem.sentence == plan_summary(tab.plan).problems[0].sentence
+    ops.select_culprits(kind="floating")
+    assert bpy.context.mode == "EDIT_CURVE" and selected(tab.plan) == [1]
+    assert "has no problem" in cases.refused(ops.select_culprits, kind="short")
+    ops.add_frame()  # from Edit Mode too
+    assert bpy.context.mode == "OBJECT" and not len(tab.about_plan.problems)
+
+
+def test_a_mesh_that_is_selected_becomes_the_plan(tab: Any, link: Any) -> None:
+    assert not ops.use_selected.poll()
+    mesh = bpy.data.meshes.new("cross")
+    mesh.from_pydata([(0, 0, 0), (0, 0, 0.04), (0.03, 0, 0.04)], [(0, 1), (1, 2)], [])
+    bpy.context.view_layer.objects.active = link("cross", mesh)
+    ops.use_selected()
+    assert tab.plan.name == "cross" and tab.about_plan.struts == 2
+    mesh.vertices.add(1)
+    mesh.vertices[3].co = (0.03, 0, 0.08)
+    mesh.edges.add(1)
+    mesh.edges[2].vertices = (2, 3)
+    ops.check_plan()
+    assert tab.about_plan.struts == 3
+
+
+def test_two_scenes_have_settings_of_their_own(tab: Any, scene: Any) -> None:
+    ops.add_frame()
+    other = bpy.data.scenes.new("other")
+    assert other.frametwin.plan is None
+    with bpy.context.temp_override(scene=other, view_layer=other.view_layers[0]):
+        assert not ops.make_rig.poll()
+    tab.plan.name = "renamed"
+    assert ops.make_rig.poll()
+    bpy.data.objects.remove(tab.plan)  # the user deletes it
+    assert tab.plan is None and not ops.make_rig.poll() and not ops.sag.poll()
+
+
+def test_everything_survives_saving_and_opening(tab: Any, rich_frame: Wireframe, tmp_path: Path) -> None:
+    from test_blender_twins import shifted
+
+    shown = show_twin(shifted(rich_frame, [0.0, 0.0, 2.0]), rich_frame)
+    tab.twin = shown.collection
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
+    settings = bpy.context.scene.frametwin
+    assert settings.twin.name == "hexagon twin" and find_twin(settings.twin).missing.tolist() == [3]
+    settings.view.quantity = "confidence"
+    assert find_twin(settings.twin).legend.quantity == "confidence"
+    settings.view.quantity = "error"
+    assert "no truth.json" in cases.addon("session").last_words
+    assert find_twin(settings.twin).legend.quantity == "confidence"

@@ -1,0 +1,151 @@
+"""The runner with workers that behave and that do not, without the add-on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from worker_cases import EXTRA_JOBS, is_gone, until, worker_python
+
+from frametwin.blender.runner import Job, Runner
+from frametwin.errors import FrameTwinError, InputError
+from frametwin.worker.client import WorkerClient
+
+
+@pytest.fixture
+def runner() -> Iterator[Runner]:
+    made = Runner()
+    yield made
+    made.close()
+
+
+def job(request: str, parameters: dict[str, Any] | None = None, **more: Any) -> Job:
+    def finish(value: Any) -> Any:
+        yield
+        return f"got {value}"
+
+    options = {
+        "worker": lambda: WorkerClient(worker_python(), package_root=EXTRA_JOBS),
+        "kind": "extra",
+        "finish": finish,
+    }
+    return Job(title="Job", request=request, parameters=parameters or {}, **{**options, **more})
+
+
+def run(runner: Runner) -> str:
+    until(lambda: not runner.pump(), "the end of the job")
+    return runner.status.message
+
+
+def test_a_result_is_loaded_and_finished(runner: Runner) -> None:
+    shown: list[float] = []
+    cleared: list[int] = []
+    runner.start(
+        job(
+            "count",
+            {"steps": 30, "pause": 0.02},
+            on_curves=lambda curves: shown.append(float(np.max(curves))),
+            load=lambda result: result["steps"] + 1,
+            clear=lambda: cleared.append(1),
+        )
+    )
+    assert runner.busy and run(runner) == "got 31" and not runner.status.error
+    assert shown == sorted(shown) and len(set(shown)) > 2 and cleared == [1]
+
+
+def test_one_at_a_time_in_one_process(runner: Runner) -> None:
+    runner.start(job("count"))
+    with pytest.raises(FrameTwinError, match="still under way"):
+        runner.start(job("count"))
+    run(runner)
+    (pid,) = runner.pids
+    runner.start(job("count"))
+    run(runner)
+    assert runner.pids == [pid]
+    runner.start(job("count", kind="another"))
+    run(runner)
+    until(lambda: is_gone(pid), "the end of the worker of another kind")
+
+
+@pytest.mark.parametrize("how", ["kill", "leave", "known", "unknown", "exit"])
+def test_failures_are_told_and_the_next_job_works(runner: Runner, how: str) -> None:
+    runner.start(job("crash", {"how": how}))
+    words = run(runner)
+    assert runner.status.error and words and "Traceback" not in words
+    runner.start(job("count"))
+    assert run(runner) == "got {'steps': 3}" and not runner.status.error
+
+
+def test_cancelling_a_job_that_listens_keeps_its_process(runner: Runner) -> None:
+    runner.start(job("count", {"steps": 10**6, "pause": 0.01}))
+    until(lambda: runner.pump() and runner.status.total, "the first step")
+    runner.cancel()
+    assert run(runner) == "Cancelled" and not runner.status.error and len(runner.pids) == 1
+
+
+def test_cancelling_a_job_that_does_not_listen_kills_it(runner: Runner, tmp_path: Path) -> None:
+    cleaned: list[int] = []
+    runner.start(job("stubborn", clean=lambda: cleaned.append(1)))
+    until(lambda: runner.pump() and runner._key is not None, "the request")
+    (pid,) = runner.pids
+    runner.cancel()
+    assert run(runner) == "Cancelled" and not runner.pids
+    until(lambda: is_gone(pid) and cleaned == [1], "the end of the process")
+
+
+@pytest.mark.parametrize("moment", ["at once", "later"])
+def test_closing_in_the_middle_leaves_no_process(runner: Runner, moment: str) -> None:
+    clients: list[WorkerClient] = []
+
+    def worker() -> WorkerClient:
+        clients.append(WorkerClient(worker_python(), package_root=EXTRA_JOBS))
+        return clients[0]
+
+    runner.start(job("stubborn", worker=worker))
+    if moment == "later":
+        until(lambda: runner.pump() and runner._key is not None, "the request")
+    runner.close()
+    assert not runner.busy
+    time.sleep(0.3)  # the thread that starts a worker may still be at it
+    until(lambda: clients[0].pid is None or is_gone(clients[0].pid), "the end of the process")
+
+
+def test_what_fails_in_the_main_thread_is_told_too(runner: Runner) -> None:
+    def finish(value: Any) -> Any:
+        yield
+        raise InputError("the scene is full")
+
+    runner.start(job("count", finish=finish))
+    assert run(runner) == "the scene is full" and runner.status.error
+
+    def stumble(result: dict[str, Any]) -> Any:
+        raise ZeroDivisionError("a bug")
+
+    runner.start(job("count", load=stumble))
+    assert "ZeroDivisionError: a bug" in run(runner) and not runner.busy
+
+
+def test_finishing_is_taken_back_and_begun_anew_around_an_undo(runner: Runner) -> None:
+    log: list[str] = []
+
+    def finish(value: Any) -> Any:
+        log.append("begin")
+        try:
+            for _ in range(3):
+                yield
+        except GeneratorExit:
+            log.append("taken back")
+            raise
+        return "done"
+
+    runner.start(job("count", finish=finish))
+    until(lambda: runner.pump(0.0) and runner._steps is not None, "the result")
+    next(runner._steps)  # type: ignore[arg-type]
+    runner.hold()
+    assert runner.pump() and log == ["begin", "taken back"]
+    runner.resume()
+    assert run(runner) == "done" and log == ["begin", "taken back", "begin"]
