@@ -61,8 +61,16 @@ class Capture:
     truth: Wireframe | None
 
 
-def read_capture(folder: PathLike) -> Capture:
+def read_capture(folder: PathLike, frame: Wireframe | None = None) -> Capture:
     """Read a capture folder and check everything that needs no pixels.
+
+    Parameters
+    ----------
+    folder
+        The capture.
+    frame
+        Takes the place of the folder's own ``frame.json``, which then need not be there, for whoever knows better what
+        is printed: a print job.
 
     Raises
     ------
@@ -75,7 +83,7 @@ def read_capture(folder: PathLike) -> Capture:
     if not root.is_dir():
         raise InputError.at(root, "folder", "there is no such folder", "give the folder of a capture")
     frame_file = _inside(root, "frame.json", root / "frame.json", "file")
-    frame = frame_json.read(frame_file)
+    frame = frame_json.read(frame_file) if frame is None else frame
     if not frame.printed.any():
         raise InputError.at(frame_file, "printed", "no strut is printed", "mark the struts that have been printed")
     transforms = _inside(root, "transforms.json", root / "transforms.json", "file")

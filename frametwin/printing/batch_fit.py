@@ -1,0 +1,109 @@
+"""The twin of a batch: from where the last twin left the print, and from afresh only where that goes astray."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from frametwin.cameras import Camera
+from frametwin.fields.base import enlarged_box
+from frametwin.fields.lattice import LatticeField
+from frametwin.fit.api import FitResult, fit_views
+from frametwin.fit.fast_settings import Stage
+from frametwin.printing.adapt import lost_struts
+from frametwin.printing.evidence import Pictures
+from frametwin.progress import ProgressCallback
+from frametwin.wireframe import Wireframe
+
+WARM: dict[str, Any] = {
+    "refine": (Stage(0.9, 1.0, 2, 4, 0.12, 0.4), Stage(1.8, 0.7, 3, 6, 0.04, 0.12, 1.5)),
+    "finish": (Stage(3.6, 0.4, 2, 8, 0.02, 0.08, 1.5, 0.7), Stage(8.0, 0.3, 2, 8, 0.01, 0.04, 1.5, 0.6)),
+}
+"""What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a radius or two of
+where it starts, so the coarse stages fall away and fewer sizes of pictures do. The last stages are those of ``fast``
+with a step less, at the same error."""
+
+ASTRAY = 0.3
+"""A warm fit is doubted where so much of a typical strut's white lies beside the twin; whole prints have 0.00."""
+
+CONTRADICTED = 0.1
+"""Or where so much of the twin lies on black; whole prints have 0.02 to 0.05."""
+
+
+@dataclass(frozen=True, eq=False)
+class BatchFit:
+    """The twin of a batch and how it was found.
+
+    Attributes
+    ----------
+    result
+        Twin and field, relative to the plan.
+    start
+        ``"warm"``, ``"cold"``, or ``"warm, then cold"`` where the warm one was doubted.
+    seconds
+        That the fit took.
+    """
+
+    result: FitResult
+    start: str
+    seconds: float
+
+
+def fit_batch(
+    expected: Wireframe,
+    cameras: Sequence[Camera],
+    masks: Sequence[np.ndarray],
+    *,
+    warm: bool = True,
+    progress: ProgressCallback | None = None,
+) -> BatchFit:
+    """Find the twin of a batch.
+
+    Parameters
+    ----------
+    expected
+        The plan that the robot followed, its printed struts being where the last twin saw them, or, those of the
+        batch, where they were laid.
+    cameras, masks
+        Cameras without distortion, and (H, W) masks 0..1.
+    warm
+        Start from the plan as it is. Struts that are then not found, or pictures that are not explained, are taken for
+        a reason to start afresh; the twin that explains the pictures better is given back.
+
+    Raises
+    ------
+    Cancelled
+        If ``progress`` returns ``False``.
+    """
+    began = perf_counter()
+    # The matrices are small: threads of the linear algebra would wait for those of the splatter, and these for them.
+    with threadpool_limits(limits=1, user_api="blas"):
+        if not warm:
+            result, start = fit_views(expected, cameras, masks, callback=progress), "cold"
+            return BatchFit(result, start, perf_counter() - began)
+        still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
+        result, start = fit_views(expected, cameras, masks, changes=WARM, start=still, callback=progress), "warm"
+        pictures = Pictures(expected, cameras, masks)
+        if _astray(pictures, expected, result):
+            other = fit_views(expected, cameras, masks, callback=progress)
+            result = min((result, other), key=lambda found: _merit(pictures, expected, found))
+            start = "warm, then cold"
+    return BatchFit(result, start, perf_counter() - began)
+
+
+def _astray(pictures: Pictures, expected: Wireframe, result: FitResult) -> bool:
+    """Whether struts of the pictures are elsewhere than the twin's. Lost struts alone, which the pictures do not show
+    either, are no reason to start afresh."""
+    evidence = pictures.evidence(expected, result.twin)
+    return evidence.uncovered * int(expected.printed.sum()) > ASTRAY or evidence.contradicted > CONTRADICTED
+
+
+def _merit(pictures: Pictures, expected: Wireframe, result: FitResult) -> float:
+    """Least for the twin that explains the pictures best and with the fewest struts missing."""
+    missing = len(lost_struts(expected, result.twin)) / int(expected.printed.sum())
+    return pictures.evidence(expected, result.twin).mismatch + missing
