@@ -101,3 +101,29 @@ def rich_frame() -> Wireframe:
         batch=np.array([0, 0, 2, 1, 5, 2**40] * 3),
         name="hexagon",
     )
+
+
+@pytest.fixture(scope="session")
+def tower_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A capture of a small tower with three views and a truth, without OpenCV, which is not beside every Blender."""
+    from rod_rays import margin
+    from small_frames import tower
+
+    from frametwin.capture import write_capture
+    from frametwin.rigs import ring_rig
+    from frametwin.scene import Scene
+
+    frame = tower()
+    cameras = ring_rig(frame, 3, size=(120, 160))
+    truth = frame.transformed(np.diag([1.0, 1.0, 0.98, 1.0])).replace(radius=frame.radius)
+    scene = Scene.whole(truth, cameras)
+    images = [np.where(margin(scene, camera) <= 0.0, 255, 0).astype(np.uint8) for camera in cameras]
+    folder = tmp_path_factory.mktemp("tower") / "capture"
+    write_capture(folder, frame, cameras, images, truth=truth)
+    return folder
+
+
+@pytest.fixture
+def small_capture(tower_capture: Path, tmp_path: Path) -> Path:
+    """A copy of it for the test to damage."""
+    return Path(shutil.copytree(tower_capture, tmp_path / "capture"))

@@ -92,6 +92,7 @@ def test_cancelling_a_job_that_does_not_listen_kills_it(runner: Runner, tmp_path
     runner.start(job("stubborn", clean=lambda: cleaned.append(1)))
     until(lambda: runner.pump() and runner._key is not None, "the request")
     (pid,) = runner.pids
+    time.sleep(0.5)  # cancelled before it begins, it would be no trouble
     runner.cancel()
     assert run(runner) == "Cancelled" and not runner.pids
     until(lambda: is_gone(pid) and cleaned == [1], "the end of the process")
