@@ -16,7 +16,7 @@ from frametwin.printing.batches import split_batches
 from frametwin.printing.clearance import hit_struts
 from frametwin.printing.given_order import GivenOrder, honoured
 from frametwin.printing.reachability import OrderSettings, task_of
-from frametwin.printing.removal import Removal, Task, remove_all
+from frametwin.printing.removal import Removal, Task, last_sides, remove_all
 from frametwin.printing.sequence import PrintSequence
 from frametwin.printing.stability import looseness
 from frametwin.printing.wording import having, listed
@@ -123,31 +123,31 @@ def _search(
             best = removal
     assert best is not None  # attempts are at least one
     if not settings.allow_contact:
-        raise _stuck(frame, task, best)
+        raise _stuck(frame, task, best, stage)
     removal = remove_all(task, stage, tolerate=True)
     if removal.remaining.any():
-        raise _stuck(frame, task, removal)
+        raise _stuck(frame, task, removal, stage)
     return removal
 
 
-def _stuck(frame: Wireframe, task: Task, removal: Removal) -> InputError:
-    """Say which struts cannot be laid after all that must stand before them, and what is in the way."""
-    struts = np.flatnonzero(removal.remaining)
-    usable = task.allowed.any(axis=2)
-    held = struts[~usable[struts].any(axis=1)]
+def _stuck(frame: Wireframe, task: Task, removal: Removal, stage: np.ndarray | None) -> InputError:
+    """Say which struts cannot be laid last of those that must stand before the others, and what is in the way."""
+    sides = last_sides(task, removal.remaining, stage)  # (E, 2)
+    candidates = np.flatnonzero(sides.any(axis=1))
+    usable = (task.allowed & sides[:, None, :]).any(axis=2)  # (E, D)
+    held = candidates[~usable[candidates].any(axis=1)]
+    blocked = candidates[usable[candidates].any(axis=1)]
+    problem = f"no order is found for {int(removal.remaining.sum())} of {frame.strut_count} struts"
     if len(held):
-        problem = f"{having(held)} no direction from which the tool spares the plate and the strut's own beginning"
-        return InputError.at(frame.name, "order", problem, "allow more tilt, or take a more slender nozzle")
-    blocked = struts[(~usable[struts] | (removal.hits[struts] > 0)).all(axis=1)]
-    if not len(blocked):
-        problem = f"no order is found for {listed(struts)}: each would leave others in the air, or begin there"
-        return InputError.at(frame.name, "order", problem, "give other batches, or none")
-    first = int(blocked[0])
-    hits = np.where(usable[first], removal.hits[first], np.iinfo(np.int64).max)
-    ways = hit_struts(task.bits[first, int(np.argmin(hits))], frame.strut_count) & removal.remaining
-    problem = (
-        f"no order is found for {len(struts)} of {frame.strut_count} struts: the tool would collide in every direction "
-        f"at {listed(blocked)} (strut {first}: {int(usable[first].sum())} directions, the best one with "
-        f"{listed(np.flatnonzero(ways))})"
-    )
+        problem += f": {having(held)} no direction from which the tool spares the plate and the strut's own beginning"
+    if len(blocked):
+        first = int(blocked[0])
+        hits = np.where(usable[first], removal.hits[first], np.iinfo(np.int64).max)
+        ways = hit_struts(task.bits[first, int(np.argmin(hits))], frame.strut_count) & removal.remaining
+        problem += (
+            f": the tool would collide in every direction at {listed(blocked)} (strut {first}: "
+            f"{int(usable[first].sum())} directions, the best one with {listed(np.flatnonzero(ways))})"
+        )
+    if not len(candidates):
+        problem += ": each would leave others in the air"
     return InputError.at(frame.name, "order", problem, "take a smaller nozzle, allow more tilt, or allow contact")

@@ -70,6 +70,20 @@ class Task:
         return cls(frame.edges, frame.grounded, bits, allowed, cost, near, height, end_stiffness(frame))
 
 
+def last_sides(task: Task, present: np.ndarray, stage: np.ndarray | None = None) -> np.ndarray:
+    """(E, 2) bool: of the struts ``present``, this one may be laid last, begun at its first or its second end."""
+    ends, count = task.edges, len(task.grounded)
+    degree = np.bincount(ends[present].ravel(), minlength=count)
+    free = (degree[ends] == 1) & ~task.grounded[ends]  # (E, 2)
+    bridge = np.zeros(len(ends), dtype=bool)
+    bridges(ends, task.grounded, present, bridge)
+    may = present & ~free.all(axis=1) & (~bridge | free.any(axis=1))
+    if stage is not None and present.any():
+        may &= stage == stage[present].max()
+    result: np.ndarray = may[:, None] & ~free
+    return result
+
+
 def way_from_plate(frame: Wireframe) -> np.ndarray:
     """(V,) length of the shortest way along struts from the plate to each joint, mm; infinite where there is none.
 
