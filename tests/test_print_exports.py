@@ -1,0 +1,193 @@
+"""What is written for robots and other programs reads back as what was meant."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from ast import literal_eval
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from small_frames import tower
+
+from frametwin.errors import InputError
+from frametwin.formats import read_frame
+from frametwin.printing.exports import SUFFIXES, read_waypoints, write_waypoints
+from frametwin.printing.exports.assembly import write_assembly
+from frametwin.printing.exports.compas import read_compas_frames
+from frametwin.printing.exports.gcode import FILAMENT, read_gcode
+from frametwin.printing.exports.urscript import read_urscript
+from frametwin.printing.order import OrderSettings, plan_sequence
+from frametwin.printing.reach import A2, A3, D1, D4, D5, D6, unreachable, unreachable_by_compas_fab, within_reach
+from frametwin.printing.waypoints import APPROACH, PRINT, Waypoints, waypoints_of
+from frametwin.printing.workspace import Workspace
+
+METRE = 1e-6 * 1000.0  # mm
+
+
+@pytest.fixture(scope="module")
+def points() -> Waypoints:
+    """Waypoints in the upper half of a tower, with tilted tools among them."""
+    frame = tower()
+    sequence = plan_sequence(frame, OrderSettings(batch_size=12))
+    points = waypoints_of(frame, sequence, 1)
+    assert np.ptp(points.axis, axis=0).max() > 0.2
+    return points
+
+
+@pytest.fixture(scope="module")
+def limits(points: Waypoints) -> Workspace:
+    """The print stands turned and shifted before the robot."""
+    base = np.eye(4)
+    base[:3, :3] = Rotation.from_euler("z", 35.0, degrees=True).as_matrix()
+    base[:3, 3] = [500.0, -120.0, 40.0]
+    return Workspace([400.0, -250.0, 39.0], [600.0, 0.0, 250.0], base, max_speed=100.0)
+
+
+def test_json_reads_back_bit_for_bit(tmp_path: Path, points: Waypoints, limits: Workspace) -> None:
+    back = read_waypoints(write_waypoints(tmp_path / "w.json", points, "json", limits))
+    for field in dataclasses.fields(points):
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(points, field.name))
+
+
+def test_urscript_reads_back(tmp_path: Path, points: Waypoints, limits: Workspace) -> None:
+    program = read_urscript(write_waypoints(tmp_path / "w.script", points, "urscript", limits))
+    expected = points.position @ limits.base[:3, :3].T + limits.base[:3, 3]
+    assert np.abs(program.position - expected).max() < METRE
+    turn = Rotation.from_matrix(limits.base[:3, :3]) * Rotation.from_matrix(points.rotation)
+    assert (Rotation.from_rotvec(program.rotation_vector).inv() * turn).magnitude().max() < 1e-6
+    np.testing.assert_allclose(program.speed, points.speed, atol=1e-3)
+    assert (program.speed <= points.speed + 1e-9).all()
+    np.testing.assert_array_equal(program.extrude, points.extrude)
+    np.testing.assert_allclose(program.dwell, points.dwell, atol=1e-3)
+
+
+def test_gcode_reads_back(tmp_path: Path, points: Waypoints, limits: Workspace) -> None:
+    moves = read_gcode(write_waypoints(tmp_path / "w.gcode", points, "gcode", limits))
+    expected = points.position @ limits.base[:3, :3].T + limits.base[:3, 3]
+    assert np.abs(moves.position - expected).max() < METRE
+    np.testing.assert_allclose(moves.axis, points.axis @ limits.base[:3, :3].T, atol=1e-8)
+    np.testing.assert_allclose(moves.speed, points.speed, atol=1e-4)
+    np.testing.assert_allclose(moves.dwell, points.dwell, atol=1e-3)
+    np.testing.assert_array_equal(moves.extrusion > 0.0, points.kind == PRINT)
+    length = sum(
+        np.linalg.norm(
+            np.diff(points.position[(points.strut == s) & np.isin(points.kind, (APPROACH, PRINT))], axis=0), axis=1
+        ).sum()
+        for s in points.struts
+    )
+    assert moves.extrusion.sum() * np.pi * (FILAMENT / 2.0) ** 2 == pytest.approx(length * np.pi * 1.0**2, rel=1e-5)
+
+
+def test_compas_reads_back(tmp_path: Path, points: Waypoints, limits: Workspace) -> None:
+    path = write_waypoints(tmp_path / "w.json", points, "compas", limits)
+    place, turn = read_compas_frames(path)
+    expected = points.position @ limits.base[:3, :3].T + limits.base[:3, 3]
+    assert np.abs(place - expected / 1000.0).max() < 1e-6
+    np.testing.assert_allclose(turn, limits.base[:3, :3] @ points.rotation, atol=1e-9)
+
+
+def test_compas_graph_is_what_compas_expects(tmp_path: Path, points: Waypoints, limits: Workspace) -> None:
+    """As its Graph of version 2 takes it: keys are literals, every node has a row of edges."""
+    data = json.loads(write_waypoints(tmp_path / "w.json", points, "compas", limits).read_text())["graph"]
+    assert data["dtype"] == "compas.datastructures/Graph"
+    graph = data["data"]
+    needed = {"attributes", "default_node_attributes", "default_edge_attributes", "node", "edge", "max_node"}
+    assert set(graph) == needed
+    nodes = {literal_eval(key) for key in graph["node"]}
+    assert nodes == set(range(graph["max_node"] + 1)) == {literal_eval(key) for key in graph["edge"]}
+    laid = {
+        edge["strut"]: (graph["node"][u], graph["node"][v])
+        for u, row in graph["edge"].items()
+        for v, edge in row.items()
+    }
+    assert sorted(laid) == sorted(points.struts.tolist())
+    used = {vertex for strut in points.struts.tolist() for vertex in tower().edges[strut].tolist()}
+    assert len(nodes) == len(used)
+
+
+def test_assembly_reads_back_with_its_batches(tmp_path: Path) -> None:
+    frame = tower(3)
+    frame = frame.replace(radius=np.full(frame.strut_count, 0.7))
+    sequence = plan_sequence(frame, OrderSettings(batch_size=9))
+    write_assembly(tmp_path / "a.json", frame, sequence)
+    back = read_frame(tmp_path / "a.json")
+    assert np.abs(back.vertices - frame.vertices).max() < METRE
+    np.testing.assert_allclose(back.radius, 0.7, atol=METRE)
+    np.testing.assert_array_equal(back.grounded, frame.grounded)
+    np.testing.assert_array_equal(back.batch[sequence.struts], sequence.batch)
+    np.testing.assert_array_equal(back.edges[sequence.struts, 0], sequence.start)
+    np.testing.assert_array_equal(np.sort(back.edges), np.sort(frame.edges))
+
+
+@pytest.mark.parametrize("name", list(SUFFIXES))
+def test_nothing_outside_of_the_limits_is_written(
+    tmp_path: Path, points: Waypoints, limits: Workspace, name: str
+) -> None:
+    """One waypoint of the travel above the print is a micrometre too high."""
+    top = float((points.position @ limits.base[:3, :3].T + limits.base[:3, 3])[:, 2].max())
+    low = dataclasses.replace(limits, upper=[*limits.upper[:2], top - 1e-3])
+    slow = dataclasses.replace(limits, max_speed=59.9)
+    for tight in (low, slow):
+        with pytest.raises(InputError, match=r"waypoint \d+ \(travel"):
+            write_waypoints(tmp_path / "w", points, name, tight)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_damaged_files_are_refused(tmp_path: Path, points: Waypoints, limits: Workspace) -> None:
+    path = write_waypoints(tmp_path / "w.json", points, "json", limits)
+    data = json.loads(path.read_text())
+    for change in ({"version": 2}, {"kind": ["jump"]}, {"position": [[0.0, 0.0]]}, {"speed": [1.0]}, {"contacts": 3}):
+        path.write_text(json.dumps(data | change))
+        with pytest.raises(InputError, match=str(path)):
+            read_waypoints(path)
+    for suffix, read in (("script", read_urscript), ("gcode", read_gcode)):
+        bad = tmp_path / f"bad.{suffix}"
+        bad.write_text("movej([0,0,0])\n")
+        with pytest.raises(InputError, match="line 1"):
+            read(bad)
+    with pytest.raises(InputError, match="'stl' is unknown"):
+        write_waypoints(tmp_path / "w.stl", points, "stl", limits)
+
+
+def forward(joints: np.ndarray) -> np.ndarray:
+    """(4, 4) pose of a UR10e's flange by its Denavit-Hartenberg parameters."""
+    pose = np.eye(4)
+    quarter = np.pi / 2.0
+    rows = zip(
+        joints, (D1, 0, 0, D4, D5, D6), (0, -A2, -A3, 0, 0, 0), (quarter, 0, 0, quarter, -quarter, 0), strict=True
+    )
+    for angle, d, a, twist in rows:
+        c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
+        pose = pose @ [[c, -s * ct, s * st, a * c], [s, c * ct, -c * st, a * s], [0, st, ct, d], [0, 0, 0, 1]]
+    return pose
+
+
+def test_every_pose_of_the_arm_is_within_its_reach_and_none_beyond() -> None:
+    rng = np.random.default_rng(0)
+    poses = np.array([forward(q) for q in rng.uniform(-np.pi, np.pi, size=(500, 6))])
+    assert within_reach(poses[:, :3, 3], poses[:, :3, :3]).all()
+    wrist = poses[:, :3, 3] - D6 * poses[:, :3, 2]
+    away = wrist - [0.0, 0.0, D1]
+    away *= (1.001 * np.hypot(A2 + A3 + D5, D4) / np.linalg.norm(away, axis=1))[:, None]  # further than links can span
+    assert not within_reach([0.0, 0.0, D1] + away + D6 * poses[:, :3, 2], poses[:, :3, :3]).any()
+    column = away * [0.0, 0.0, 0.2] + [0.9 * D4, 0.0, D1]  # the wrist inside of the cylinder about the base's axis
+    assert not within_reach(column + D6 * poses[:, :3, 2], poses[:, :3, :3]).any()
+
+
+def test_reach_of_waypoints(points: Waypoints, limits: Workspace) -> None:
+    assert len(unreachable(points, limits, 150.0)) == 0
+    far = dataclasses.replace(limits, base=np.eye(4) + 3000.0 * np.eye(4, k=3))
+    assert len(unreachable(points, far, 150.0)) == len(points)
+
+
+def test_without_compas_fab_its_check_says_so(points: Waypoints, limits: Workspace) -> None:
+    try:
+        import compas_fab  # noqa: F401
+    except ImportError:
+        with pytest.raises(InputError, match="compas_fab: is not installed"):
+            unreachable_by_compas_fab(points, limits, 150.0)
+        return
+    assert unreachable_by_compas_fab(points, limits, 150.0).tolist() == unreachable(points, limits, 150.0).tolist()
