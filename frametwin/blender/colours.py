@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from frametwin.blender.curves import strut_numbers
 from frametwin.blender.evaluation import label
 from frametwin.blender.statistics import StrutValues
+from frametwin.blender.stepwise import run_steps
 from frametwin.blender.versions import node_tree
 from frametwin.errors import InputError
 
@@ -91,7 +93,7 @@ def colour_twin(
     strut = strut_numbers(obj) if strut is None else strut
     if len(strut) != len(obj.data.splines) or strut.max(initial=-1) >= len(index):
         raise InputError.at(label(obj), "splines", "are not those of this twin", "import the twin again")
-    materials, slots = _materials(), obj.data.materials
+    materials, slots = run_steps(materials_steps()), obj.data.materials
     if list(slots) != materials:
         slots.clear()
         for material in materials:
@@ -102,7 +104,8 @@ def colour_twin(
     return Legend(values.quantity, values.unit, start, top, colour_map()[:BINS])
 
 
-def _materials() -> list[bpy.types.Material]:
+def materials_steps() -> Generator[None, None, list[bpy.types.Material]]:
+    """The materials of all colours, in their order; those that are not there yet are made, one a step."""
     there = {m[KEY]: m for m in bpy.data.materials if m.library is None and KEY in m}
     for i, colour in enumerate(colour_map().tolist()):
         if i not in there:
@@ -113,6 +116,7 @@ def _materials() -> list[bpy.types.Material]:
             shader, output = (tree.nodes.new(k) for k in ("ShaderNodeEmission", "ShaderNodeOutputMaterial"))
             shader.inputs["Color"].default_value = (*colour, 1.0)
             tree.links.new(shader.outputs[0], output.inputs["Surface"])
+            yield
     return [there[i] for i in range(BINS + 2)]
 
 

@@ -22,7 +22,7 @@ from frametwin.wireframe import Wireframe
 
 BEVEL_RESOLUTION = 2  # Blender draws 4 sides and 2 for each step
 CURVE_RESOLUTION = 8  # pieces of a strut that are drawn
-STRUTS_A_STEP = 500  # some milliseconds
+STRUTS_A_STEP = 250  # about two milliseconds
 
 
 def wireframe_to_curve(

@@ -11,7 +11,7 @@ from frametwin.blender.units import mm_per_unit
 
 NAME = "FrameTwin fit"
 KEY = "frametwin_preview"
-PIECES = 6  # straight pieces of a strut
+PIECES = 4  # straight pieces of a strut
 
 
 def show_preview(control_points: np.ndarray, scene: bpy.types.Scene) -> bpy.types.Object:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from frametwin.blender.collections import new_collection, remove_collection
-from frametwin.blender.colours import Legend, colour_twin, remove_unused_colours
+from frametwin.blender.colours import Legend, colour_twin, materials_steps, remove_unused_colours
 from frametwin.blender.curves import wireframe_to_curve_steps
 from frametwin.blender.statistics import StrutValues, strut_values
 from frametwin.blender.stepwise import run_steps
@@ -151,6 +151,8 @@ def show_twin_steps(
             owner[RUN_KEY], owner[ROLE_KEY] = content.run_folder, role
         yield
         store_values(collection, content.values, content.missing, content.uncertain)
+        yield
+        yield from materials_steps()
         numbers = np.arange(frame.strut_count)
         legend = colour_twin(obj, content.values["displacement"], missing=content.missing, strut=numbers)
         store_legend(collection, legend)

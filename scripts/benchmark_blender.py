@@ -1,0 +1,113 @@
+"""How long the add-on holds Blender: importing a twin, pumping while a fit runs, ending a fit that is cancelled.
+
+    python scripts/benchmark_blender.py FRAME [--size 600x800]        (with Blender's module bpy)
+
+FRAME is a frame file or the name of one of the project's own. Prints a line for each figure.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import bpy
+
+from frametwin.blender.preview import remove_preview, show_preview
+from frametwin.blender.runner import Job, Runner
+from frametwin.blender.twins import TwinContent, import_twin, remove_twin, show_twin_steps
+from frametwin.worker.client import WorkerClient, find_python
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("frame")
+    parser.add_argument("--size", default="600x800", help="height x width of the pictures")
+    options = parser.parse_args()
+    size = [int(side) for side in options.size.split("x")]
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        capture, run = Path(scratch, "capture"), Path(scratch, "run")
+        with WorkerClient(find_python()) as worker:
+            worker.call("simulate", {"frame": options.frame, "settings": {"size": size}, "out": capture})
+        pumps, seconds = follow(capture, run)
+        print(f"fit followed: {seconds:.1f} s, {len(pumps)} pumps, longest {1e3 * max(pumps):.1f} ms")
+        for truth in (None, capture):
+            began = time.perf_counter()
+            shown = import_twin(run, truth=truth)
+            taken = time.perf_counter() - began
+            print(f"import of the twin with colours{' and errors' if truth else ''}: {taken:.2f} s")
+            remove_twin(shown.collection)
+        print(f"cancelled fit gone after: {cancel(capture, Path(scratch, 'other')):.2f} s")
+
+
+def job(capture: Path, run: Path) -> Job:
+    """The fit as the add-on asks for it."""
+    scene = bpy.context.scene
+
+    def finish(content: TwinContent):
+        yield from show_twin_steps(content, scene=scene)
+        return "done"
+
+    return Job(
+        title="Fit",
+        request="fit",
+        parameters={"capture": capture, "out": run},
+        worker=lambda: WorkerClient(find_python()),
+        kind="python",
+        on_curves=lambda curves: show_preview(curves, scene),
+        clear=lambda: remove_preview(scene),
+        load=lambda answer: TwinContent.read(answer["out"], capture),
+        finish=finish,
+    )
+
+
+def follow(capture: Path, run: Path) -> tuple[list[float], float]:
+    """Seconds of every call of the pump during a fit, and of all of it."""
+    runner, pumps, began = Runner(), [], time.perf_counter()
+    runner.start(job(capture, run))
+    going = True
+    while going:
+        at = time.perf_counter()
+        going = runner.pump()
+        pumps.append(time.perf_counter() - at)
+        time.sleep(0.05)
+    if runner.status.error:
+        raise SystemExit(runner.status.message)
+    runner.close()
+    return pumps, time.perf_counter() - began
+
+
+def cancel(capture: Path, run: Path) -> float:
+    """Seconds from cancelling a fit to the end of its computing, and of its process if that has to be killed."""
+    runner = Runner()
+    runner.start(job(capture, run))
+    while runner.status.stage != "joints and struts":
+        runner.pump()
+        time.sleep(0.01)
+    (pid,) = runner.pids
+    began = time.perf_counter()
+    runner.cancel()
+    while runner.pump() or (not runner.pids and alive(pid)):
+        time.sleep(0.005)
+    taken = time.perf_counter() - began
+    runner.close()
+    return taken
+
+
+def alive(pid: int) -> bool:
+    """Whether a process has not ended."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    main()
+    sys.stdout.flush()
+    os._exit(0)  # Blender's module may hang while Python shuts down
