@@ -18,6 +18,9 @@ def own_weight(frame: Wireframe, settings: PrintSettings) -> np.ndarray:
     return settings.material.weight * np.pi * frame.radius**2
 
 
+DOWN = np.array([[0.0, 0.0, -1.0]])
+
+
 def weight_scale(design: Wireframe, sequence: PrintSequence, settings: PrintSettings) -> float:
     """The factor on the weight with which a print sags as ``settings.sag`` says; 1 if that is ``None``.
 
@@ -26,17 +29,30 @@ def weight_scale(design: Wireframe, sequence: PrintSequence, settings: PrintSett
     """
     if settings.sag is None:
         return 1.0
-    furthest = float(np.linalg.norm(linear_drift(design, sequence, settings), axis=1).max())
+    drift = linear_drift(design, sequence, settings, DOWN).sum(axis=(0, 3))
+    furthest = float(np.linalg.norm(drift, axis=1).max())
     return settings.sag * design.extent / furthest if furthest > 0.0 else 1.0
 
 
-def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSettings) -> np.ndarray:
-    """(V, 3) mm that each joint moves from when it comes into being to the end, by the weight the material has."""
-    pull = own_weight(design, settings)[:, None] * [0.0, 0.0, -1.0]
+def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSettings, pulls: np.ndarray) -> np.ndarray:
+    """How far each joint drifts in each batch of a print of the design in which every strut attaches.
+
+    Parameters
+    ----------
+    design, sequence, settings
+        The print.
+    pulls
+        (K, 3) loads on the struts, as multiples of the weight that the material has; each acts alone.
+
+    Returns
+    -------
+    (B, V, 3, K) mm, zero for joints that are not there yet.
+    """
+    weight = own_weight(design, settings)
     seconds = float(np.mean(settings.seconds))
     laid = np.zeros(design.strut_count, dtype=bool)
     laid_at = np.zeros(design.strut_count)
-    drift = np.zeros((design.vertex_count, 3))
+    drift = np.zeros((sequence.batch_count, design.vertex_count, 3, len(pulls)))
     clock = 0.0
     for batch in range(sequence.batch_count):
         groups = np.array_split(sequence.struts[sequence.batch == batch], settings.increments)
@@ -46,15 +62,16 @@ def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSett
             clock += seconds * len(group) + (settings.pause if number == len(groups) else 0.0)
             stiffness = np.ones(design.strut_count)
             stiffness[laid] = stiffness_between(settings, laid_at[laid], before, clock)
-            beams = FrameBeams.build(
-                design.replace(printed=laid),
-                stiffness,
-                axial_scale=settings.axial * stiffness,
-                material=settings.material,
-                load=pull,
-                pieces=settings.pieces,
-            )
-            drift += beams.solve()[:, :3]
+            for k, pull in enumerate(pulls):
+                beams = FrameBeams.build(
+                    design.replace(printed=laid),
+                    stiffness,
+                    axial_scale=settings.axial * stiffness,
+                    material=settings.material,
+                    load=weight[:, None] * pull,
+                    pieces=settings.pieces,
+                )
+                drift[batch, :, :, k] += beams.solve()[:, :3]
     return drift
 
 

@@ -86,7 +86,7 @@ class PrintSettings:
     pause: float = 60.0
     tear_angle: float = 45.0
     tear_stretch: float = 0.25
-    collapse_share: float = 0.1
+    collapse_share: float = 0.05
     pieces: int = 2
 
     def __post_init__(self) -> None:

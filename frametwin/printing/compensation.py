@@ -1,0 +1,137 @@
+"""Printing against the sag still to come, so that the finished frame is near the design and not only unbroken.
+
+The paper leaves this to future work (Sec. VI.D: "inversely deforming the unprinted portion of the target model based
+on the deformation captured by the digital twin of the printed portion"). Here a model of the print forecasts how far
+every joint drifts from when it is laid to the end; three factors, on the weight and on the pull along x and y, are
+found by least squares from what the twins saw so far; and the joints still to be laid are aimed at the design less the
+forecast. Joints that stand are met where they are, as ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from frametwin import bezier
+from frametwin.errors import InputError
+from frametwin.printing.adapt import AdaptSettings, lost_struts
+from frametwin.printing.calibration import linear_drift
+from frametwin.printing.material import PrintSettings
+from frametwin.printing.sequence import PrintSequence
+from frametwin.twin import Twin
+from frametwin.wireframe import Wireframe
+
+PULLS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
+"""Along x, along y, and the weight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """How far joints drifted in a batch, as the twin saw it.
+
+    Attributes
+    ----------
+    batch
+        Its number.
+    drift
+        (V, 3) mm, from where the plan had the joint: where the twin before saw it, or where it was to be laid.
+    known
+        (V,) bool, True where the twin says so.
+    """
+
+    batch: int
+    drift: np.ndarray
+    known: np.ndarray
+
+    @classmethod
+    def of(cls, batch: int, plan: Wireframe, twin: Twin, settings: AdaptSettings | None = None) -> Observation:
+        """What a twin of ``plan`` saw, ``printed`` being what it was asked for."""
+        settings = AdaptSettings() if settings is None else settings
+        sure = plan.printed & (twin.confidence >= settings.confidence)
+        sure[lost_struts(plan, twin, settings)] = False
+        known = plan.replace(printed=sure).printed_vertices() & ~plan.grounded
+        return cls(batch, np.where(known[:, None], twin.vertices - plan.vertices, 0.0), known)
+
+
+@dataclass(frozen=True, eq=False)
+class SagForecast:
+    """A model of how a print drifts, up to three factors.
+
+    Attributes
+    ----------
+    design
+        What shall be printed.
+    drift
+        (B, V, 3, 3) mm that each joint drifts in each batch, by direction, for each of `PULLS`.
+    """
+
+    design: Wireframe
+    drift: np.ndarray
+
+    @classmethod
+    def build(cls, design: Wireframe, sequence: PrintSequence, settings: PrintSettings | None = None) -> SagForecast:
+        """Analyse a print of the design, once for all batches.
+
+        Parameters
+        ----------
+        design, sequence
+            The print.
+        settings
+            What is believed of the material: how fast it hardens. Its weight, ``flow`` and ``sag`` do not matter.
+        """
+        settings = PrintSettings() if settings is None else settings
+        return cls(design, linear_drift(design, sequence, settings, PULLS))
+
+    def factors(self, seen: Sequence[Observation]) -> np.ndarray:
+        """(3,) factors on `PULLS` that explain best what was seen; zero where nothing was.
+
+        Raises
+        ------
+        InputError
+            If a batch is seen that the print does not have.
+        """
+        rows, values = [np.zeros((0, 3))], [np.zeros(0)]
+        for one in seen:
+            if not 0 <= one.batch < len(self.drift):
+                problem = f"is {one.batch} in a print of {len(self.drift)} batches"
+                raise InputError.at(self.design.name, "batch", problem, "give the batches of this print")
+            rows.append(self.drift[one.batch][one.known].reshape(-1, 3))
+            values.append(one.drift[one.known].ravel())
+        factors: np.ndarray = np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=1e-9)[0]
+        factors[2] = max(factors[2], 0.0)  # nothing falls upwards
+        return factors
+
+    def to_come(self, seen: Sequence[Observation], batch: int) -> np.ndarray:
+        """(V, 3) mm that each joint will drift in the batches from ``batch`` on."""
+        total: np.ndarray = self.drift[batch:].sum(axis=0) @ self.factors(seen)
+        return total
+
+
+def compensate(plan: Wireframe, design: Wireframe, to_come: np.ndarray) -> Wireframe:
+    """Aim the joints that are still to be laid at the design less what they will drift.
+
+    Parameters
+    ----------
+    plan
+        Adapted to the print (`frametwin.printing.adapt.adapt`).
+    design
+        Where the finished frame shall be.
+    to_come
+        (V, 3) mm, see `SagForecast.to_come`.
+
+    Returns
+    -------
+    The plan with its unprinted joints moved, and unprinted struts following their ends in proportion. Joints on the
+    plate and joints of printed struts stay where they are, to the last bit.
+    """
+    free = ~plan.printed_vertices() & ~plan.grounded
+    shift = np.where(free[:, None], design.vertices - to_come - plan.vertices, 0.0)
+    vertices = np.where(free[:, None], design.vertices - to_come, plan.vertices)
+    change = bezier.straight(*shift[plan.edges].transpose(1, 0, 2))
+    moves = free[plan.edges].any(axis=1) & ~plan.printed
+    curves = plan.control_points + np.where(moves[:, None, None], change, 0.0)
+    for side, corner in ((0, 0), (1, 3)):
+        curves[:, corner] = vertices[plan.edges[:, side]]
+    return plan.replace(vertices=vertices, control_points=curves)
