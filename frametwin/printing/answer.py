@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -21,6 +21,7 @@ from frametwin.printing import job_files as files
 from frametwin.printing.adapt import adapt
 from frametwin.printing.batch_capture import BatchCapture, take_capture
 from frametwin.printing.batch_fit import BatchFit, fit_batch
+from frametwin.printing.compensation import Observation, SagForecast, compensate
 from frametwin.printing.evidence import Evidence, Pictures
 from frametwin.printing.guards import Doubt, Expectation, hold
 from frametwin.printing.job_files import JobSettings
@@ -85,12 +86,18 @@ class Step:
         What the cameras should see.
     earlier
         Hashes of the pictures of each batch before.
+    forecast
+        Of how the print drifts, where the job compensates.
+    seen
+        How far its joints drifted in the batches before.
     """
 
     design: Wireframe
     settings: JobSettings
     expected: Expectation
     earlier: Mapping[int, Mapping[str, str]]
+    forecast: SagForecast | None = None
+    seen: Sequence[Observation] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +232,17 @@ def _going_on(step: Step, found: _Found | None, options: AnswerOptions) -> Going
     if step.settings.reprint if options.reprint is None else options.reprint:
         again = np.setdiff1d(sequence.struts[sequence.batch <= batch], np.flatnonzero(found.adapted.printed))
         sequence = laid_again(sequence, again, batch)
-    return GoingOn(found.adapted, sequence, again)
+    return GoingOn(_compensated(step, found), sequence, again)
+
+
+def _compensated(step: Step, found: _Found) -> Wireframe:
+    """The adapted plan, what is still to come being aimed against the sag still to come where that is wanted."""
+    if step.forecast is None:
+        return found.adapted
+    batch = step.expected.batch
+    seen = [*step.seen, Observation.of(batch, step.expected.frame, found.fit.result.twin)]
+    known = [one for one in seen if one.batch < len(step.forecast.drift)]  # struts may be laid again in one more
+    return compensate(found.adapted, step.design, step.forecast.to_come(known, batch + 1))
 
 
 def _doubts(step: Step, found: _Found, going: GoingOn) -> list[Doubt]:

@@ -11,7 +11,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,16 +19,19 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from frametwin.errors import FrameTwinError, InputError
-from frametwin.files import PathLike, staged_directory
+from frametwin.files import PathLike, read_json, staged_directory, write_json
 from frametwin.formats import frame_json
 from frametwin.printing import job_files as files
 from frametwin.printing.answer import AnswerOptions, Step, answer_batch
+from frametwin.printing.compensation import Observation, SagForecast
 from frametwin.printing.guards import Expectation
 from frametwin.printing.job_files import JobFile, JobSettings
 from frametwin.printing.next_batch import NextBatch, write_batch
+from frametwin.printing.robot_files import SUMMARY
 from frametwin.printing.sequence import PrintSequence
 from frametwin.printing.sequence_file import read_sequence, write_sequence
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.runs import load_run
 from frametwin.wireframe import Wireframe
 
 
@@ -86,9 +89,10 @@ class Job:
         design: Wireframe,
         sequence: PrintSequence,
         settings: JobSettings,
+        notes: Mapping[str, Mapping[str, Any]] | None = None,
         overwrite: bool = False,
     ) -> Job:
-        """Write a new job with the waypoints of its first batch, whole or not at all.
+        """Write a new job with the waypoints of its first batch, whole or not at all; ``notes`` are more files by name.
 
         Raises
         ------
@@ -102,6 +106,8 @@ class Job:
             frame_json.write(stage / files.DESIGN, plan.replace(printed=[True] * design.strut_count))
             write_sequence(stage / files.SEQUENCE, sequence)
             files.write_job_file(stage, design.name, design.strut_count, sequence.batch_count, settings)
+            for name, note in (notes or {}).items():
+                write_json(stage / name, note)
             first = _batch_folder(stage, 0)
             first.mkdir(parents=True)
             write_batch(first, NextBatch(0, plan, sequence), settings, design)
@@ -160,6 +166,10 @@ class Job:
     def report(self, batch: int) -> dict[str, Any]:
         """The report of an answered batch."""
         return files.read_report(self.batch_folder(batch))
+
+    def waypoint_summary(self, batch: int) -> dict[str, Any]:
+        """What the robot was told for a batch; see `frametwin.printing.robot_files.write_robot_files`."""
+        return read_json(self.batch_folder(batch) / files.WAYPOINTS / SUMMARY)
 
     def expectation(self, batch: int) -> Expectation:
         """What the cameras should see after a batch has been printed."""
@@ -241,7 +251,19 @@ class Job:
 
     def _step(self, batch: int) -> Step:
         earlier = {k: self.report(k)["pictures"] for k in range(batch)}
-        return Step(self.design, self.settings, self.expectation(batch), earlier)
+        step = Step(self.design, self.settings, self.expectation(batch), earlier)
+        if not (self.settings.adapt and self.settings.compensate):
+            return step
+        return replace(step, forecast=self._forecast, seen=[self._observation(k) for k in range(batch)])
+
+    @cached_property
+    def _forecast(self) -> SagForecast:
+        return SagForecast.build(self.design, self._first_sequence)
+
+    def _observation(self, batch: int) -> Observation:
+        """How far joints drifted in a batch that has been answered."""
+        twin, plan = load_run(self.batch_folder(batch) / files.RUN)
+        return Observation.of(batch, plan, twin)
 
     def _stage(self, batch: int) -> Path:
         return self.folder / files.BATCHES / f".{batch:03d}.part"

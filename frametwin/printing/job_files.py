@@ -59,6 +59,11 @@ class JobSettings:
         Lay lost struts again at the start of the next batch.
     limits
         When the job stops.
+
+    Raises
+    ------
+    InputError
+        If something is wanted that only a job which adapts can do.
     """
 
     robot: RobotSettings
@@ -66,6 +71,11 @@ class JobSettings:
     compensate: bool = False
     reprint: bool = False
     limits: GuardLimits = field(default_factory=GuardLimits)
+
+    def __post_init__(self) -> None:
+        for name in ("compensate", "reprint"):
+            if getattr(self, name) and not self.adapt:
+                raise InputError.at("settings", name, "needs twins to go by", "let the job adapt, or leave it out")
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""

@@ -1,0 +1,146 @@
+"""``frametwin print next`` and ``frametwin print watch``: the answer to a batch, and to each batch as it appears."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from frametwin.cli.common import FOLDER, json_option, listed, print_facts, print_json, quiet_option
+from frametwin.cli.display import Display
+from frametwin.cli.print_common import accept_option
+
+if TYPE_CHECKING:
+    from frametwin.printing.job import Job
+
+
+def reprint_option(function: Any) -> Any:
+    """Add ``--reprint/--no-reprint``."""
+    return click.option(
+        "--reprint/--no-reprint",
+        default=None,
+        help="Lay lost struts again at the start of the next batch.  [default: as the job was planned]",
+    )(function)
+
+
+@click.command("next", short_help="Answer a batch with its pictures: twin, adapted plan, next waypoints.")
+@click.argument("job", type=FOLDER)
+@click.option("--capture", type=FOLDER, required=True, help="The pictures: a folder with transforms.json and images/.")
+@accept_option
+@reprint_option
+@click.option("--cold", is_flag=True, help="Start the fit afresh and not from the last twin; slower, for comparison.")
+@quiet_option
+@json_option
+def next_command(
+    job: Path, capture: Path, accept: tuple[str, ...], reprint: bool | None, cold: bool, quiet: bool, as_json: bool
+) -> None:
+    """Find the twin of the batch that was printed last, move what is still to come, write the next batch's waypoints.
+
+    CAPTURE needs transforms.json (the cameras) and the pictures it names; background/ is used if it is there. The plan
+    comes from the job. All that was read is copied into JOB/batches/NNN.
+
+    The job stops in one sentence, and nothing is written, where printing on would build on something else than what is
+    there: pictures of another batch or old ones, struts that are lost where others start, a twin that the views do
+    not determine there, or that does not fit the pictures. --accept KIND goes on all the same.
+
+    \b
+    Examples:
+      frametwin print next out/job --capture out/captures/000
+      frametwin print next out/job --capture out/captures/007 --reprint
+      frametwin print next out/job --capture out/captures/007 --accept lost-struts
+    """
+    from frametwin.printing.answer import AnswerOptions
+    from frametwin.printing.job import Job
+
+    work = Job(job)
+    options = AnswerOptions(accept=frozenset(accept), reprint=reprint, warm=not cold)
+    with Display(quiet) as display:
+        report = work.answer(capture, options, display)
+    if as_json:
+        print_json({"job": job, **answer_summary(work, report)})
+    else:
+        print_facts(f"batch {report['batch']} of {job}", answer_facts(work, report))
+
+
+@click.command("watch", short_help="Answer each new capture folder as it appears, until the print is finished.")
+@click.argument("job", type=FOLDER)
+@click.argument("captures", type=FOLDER)
+@accept_option
+@reprint_option
+@click.option(
+    "--every", type=click.FloatRange(0.05, 3600.0), default=0.5, show_default=True, help="Seconds between two looks."
+)
+@quiet_option
+@json_option
+def watch_command(
+    job: Path,
+    captures: Path,
+    accept: tuple[str, ...],
+    reprint: bool | None,
+    every: float,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Answer every capture folder that appears in CAPTURES, in the order of their names, until JOB is finished.
+
+    A folder is taken when transforms.json and all the pictures it names are there and have stopped growing. One that
+    cannot be used, or with which the job holds (see frametwin print next --help), is told of and left alone until
+    it changes; nothing is printed on meanwhile. Ctrl-C stops at once, and the same command goes on.
+
+    \b
+    Example:
+      frametwin print watch out/job out/captures
+    """
+    from frametwin.printing.answer import AnswerOptions
+    from frametwin.printing.job import Job
+    from frametwin.printing.watch import Watch
+
+    work = Job(job)
+    options = AnswerOptions(accept=frozenset(accept), reprint=reprint)
+    say = (lambda sentence: None) if quiet else (lambda sentence: click.echo(sentence, err=True))
+    with Display(quiet=True) as display:
+        reports = Watch(work, captures, options, say=say, progress=display, poll=every).run()
+    if as_json:
+        print_json({"job": job, "answered": [answer_summary(work, report) for report in reports]})
+        return
+    from frametwin.cli.print_status import tell_status
+
+    tell_status(work)
+
+
+def answer_summary(job: Job, report: dict[str, Any]) -> dict[str, Any]:
+    """An answer, as for programs."""
+    following = job.current
+    ahead = None if following is None else {"batch": following, **job.waypoint_summary(following)}
+    kept = ("batch", "laid", "standing", "lost", "again", "e_max", "accepted", "seconds")
+    return {
+        **{key: report[key] for key in kept},
+        "twin": report.get("twin"),
+        "finished": following is None,
+        "next": ahead,
+    }
+
+
+def answer_facts(job: Job, report: dict[str, Any]) -> list[tuple[str, str]]:
+    """The same for people."""
+    facts = [
+        ("struts", f"{len(report['laid'])} laid, {report['standing']} of {job.design.strut_count} stand"),
+        ("lost", listed(report["lost"]) + (", laid again next" if report["again"] else "")),
+        ("from the design", f"{report['e_max']:.2f} mm at most"),
+    ]
+    twin = report.get("twin")
+    if twin is not None:
+        facts.append(("since the last twin", f"{twin['largest_displacement']:.2f} mm at most"))
+        facts.append(("twin", f"{report['seconds']['twin']:.1f} s, {twin['start']} start"))
+    facts += [("accepted", f"{doubt['kind']}: {doubt['problem']}") for doubt in report["accepted"]]
+    facts.append(("time", f"{report['seconds']['total']:.1f} s"))
+    following = job.current
+    if following is None:
+        facts.append(("next", "nothing; the print is finished"))
+        return facts
+    summary = job.waypoint_summary(following)
+    facts += [("contact", sentence) for sentence in summary["contacts"]]
+    place = job.batch_folder(following) / "waypoints"
+    facts.append(("next", f"batch {following}, {len(summary['struts'])} struts: print {place}"))
+    return facts

@@ -1,0 +1,116 @@
+"""``frametwin print plan``: a print job from a frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from frametwin.cli.common import (
+    FOLDER,
+    Positive,
+    check_output_folder,
+    json_option,
+    load_frame,
+    overwrite_option,
+    print_facts,
+    print_json,
+    quiet_option,
+)
+from frametwin.cli.display import Display
+from frametwin.cli.print_common import Formats, Numbers, loop_options, order_options, read_base, split_nozzle
+
+if TYPE_CHECKING:
+    from frametwin.printing.job import Job
+
+
+@click.command("plan", short_help="Plan the order of a frame and write a job with its first batch.")
+@click.argument("frame")
+@click.option("--out", type=FOLDER, required=True, metavar="JOB", help="The job folder to write.")
+@order_options
+@click.option(
+    "--allow-contact", is_flag=True, help="Let the tool touch what is printed where there is no other way, and say so."
+)
+@loop_options
+@click.option(
+    "--formats",
+    type=Formats(),
+    default="json,urscript,gcode",
+    show_default=True,
+    help="Of the waypoints: json, urscript, gcode, compas, assembly.",
+)
+@click.option(
+    "--workspace",
+    type=Numbers("X0,Y0,Z0,X1,Y1,Z1"),
+    help="Lower and upper corner in mm, in the robot's base, of where the tool's tip may go; nothing outside is ever"
+    " written.  [default: the frame with its own length to spare on all sides and above]",
+)
+@click.option(
+    "--base",
+    metavar="X,Y,Z[,DEGREES]",
+    help="Where the frame's origin stands in the robot's base in mm, and its turn about z; or a JSON file with a rigid"
+    " 4 x 4 matrix under 'base'.  [default: at the base's origin]",
+)
+@click.option(
+    "--max-speed", type=Positive(), default=250.0, show_default=True, help="Of the tool's tip in mm/s, anywhere."
+)
+@click.option("--speed", type=Positive(), help="Of the tool's tip while it lays a strut, in mm/s.  [default: 5]")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the search for an order.")
+@overwrite_option("JOB")
+@quiet_option
+@json_option
+def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: bool, **settings: Any) -> None:
+    """Find an order in which FRAME can be printed, and write JOB with the waypoints of the first batch.
+
+    Every strut starts on the plate or on something printed, and the nozzle reaches it without touching anything.
+    An order that comes with the frame (batches, layers, or --order FILE) is kept and checked. Where there is none, the
+    struts that are stuck are named.
+
+    \b
+    Examples:
+      frametwin print plan bridge --out out/job
+      frametwin print plan femur.json --out out/job --batch-size 40 --base 400,0,20 --workspace 150,-400,0,900,400,600
+      frametwin print plan tower.json --out out/job --order pychoreo_plan.json --max-tilt 0 --formats gcode
+    """
+    check_output_folder(out, overwrite, "job.json")
+    plan = load_frame(frame)
+    from frametwin.printing.plan_job import PlanOptions, plan_job
+
+    order, base = settings.pop("order"), read_base(settings.pop("base"))
+    speed = settings.pop("speed")
+    waypoints = {} if speed is None else {"speed": speed}
+    options = PlanOptions(**split_nozzle(settings), base=base, waypoints=waypoints)
+    with Display(quiet) as display:
+        job = plan_job(out, plan, options, order=order, overwrite=overwrite, progress=display)
+    data = plan_summary(job)
+    if as_json:
+        print_json({"out": out, **data})
+        return
+    low, high = (", ".join(f"{value:.0f}" for value in corner) for corner in data["workspace"])
+    print_facts(
+        f"job: {out}",
+        [
+            ("frame", f"{data['frame']}, {data['struts']} struts in {data['batches']} batches"),
+            ("workspace", f"from ({low}) to ({high}) mm in the robot's base, up to {data['max_speed']:g} mm/s"),
+            ("first batch", f"{data['first']['struts']} struts, {data['first']['seconds'] / 60.0:.0f} min of printing"),
+            *[("contact", sentence) for sentence in data["first"]["contacts"]],
+            ("waypoints", f"{job.batch_folder(0) / 'waypoints'}"),
+            ("next", f"print them, take pictures, then: frametwin print next {out} --capture CAPTURE"),
+        ],
+    )
+
+
+def plan_summary(job: Job) -> dict[str, Any]:
+    """What was planned, as for a JSON file."""
+    summary = job.waypoint_summary(0)
+    workspace = job.settings.robot.workspace
+    return {
+        "frame": job.design.name,
+        "struts": job.design.strut_count,
+        "batches": job.file.batches,
+        "batch_sizes": [state.struts for state in job.states()],
+        "workspace": [workspace.lower, workspace.upper],
+        "max_speed": workspace.max_speed,
+        "first": {**summary, "struts": len(summary["struts"])},
+    }
