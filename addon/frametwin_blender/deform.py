@@ -13,7 +13,7 @@ from frametwin.blender.runner import Job
 from frametwin.formats import frame_json
 
 from . import session
-from .preferences import python_worker, worker_kind
+from .preferences import draw_python, python_worker, worker_kind
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
 TITLE = "Sag"
@@ -136,10 +136,10 @@ class FRAMETWIN_PT_deform(Panel, bpy.types.Panel):
         if settings.missing:
             column.prop(settings, "missing_share")
         if not draw_progress(layout, context, TITLE):
+            draw_python(layout, context)
             row = layout.row(align=True)
             row.operator("frametwin.sag", icon="PHYSICS")
             row.operator("frametwin.copy_to_bend", text="By Hand")
-        layout.use_property_split = False
         layout.prop(settings_of(context), "print_object", text="Print")
 
 

@@ -20,7 +20,7 @@ from . import session
 from .deform import hide_plan
 from .folders import fresh_folder, given_folder
 from .plan import take_plan
-from .preferences import python_worker, worker_kind
+from .preferences import draw_python, python_worker, worker_kind
 from .steps import Panel, Step, draw_progress, is_free, needs, settings_of, twin_of, write_text
 from .views import frame_selected
 
@@ -166,6 +166,7 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
         elif twin_of(context) is not None:
             column.prop(settings, "warm")
         if not draw_progress(layout, context, TITLE):
+            draw_python(layout, context)
             layout.operator("frametwin.fit", icon="MOD_FLUIDSIM")
         row = layout.row(align=True)
         row.operator("frametwin.open_capture", text="Open Capture", icon="SCENE_DATA")

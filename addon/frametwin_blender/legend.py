@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from frametwin.blender.colours import Legend, colour_map
+from frametwin.blender.colours import MISSING, UNKNOWN, Legend, colour_map
 from frametwin.blender.twin_records import load_legend
 
 from .steps import twin_of
@@ -43,20 +43,29 @@ def _draw() -> None:
 def _draw_legend(legend: Legend, scale: float, region: bpy.types.Region) -> None:
     left, low = MARGIN * scale, (MARGIN + 2 * TEXT) * scale
     width, height = min(WIDTH * scale, region.width - 2 * left), HEIGHT * scale
-    _draw_bar(left, low, width, height)
+    _draw_bar(left, low, width, height, legend.colours)
     unit = f" ({legend.unit})" if legend.unit else ""
     name = legend.quantity.replace("_", " ").capitalize()
     _write(name + unit, left, low + height + 6 * scale, scale)
     for share in (0.0, 0.5, 1.0):
         value = legend.low + share * (legend.high - legend.low)
         _write(f"{value:.3g}", left + share * width, low - (TEXT + 5) * scale, scale, centred=share)
+    _draw_others(left, low + height + (TEXT + 14) * scale, scale)
 
 
-def _draw_bar(left: float, low: float, width: float, height: float) -> None:
+def _draw_others(left: float, low: float, scale: float) -> None:
+    """Two fields for what has a colour of its own."""
+    side = TEXT * scale
+    for i, (name, colour) in enumerate((("missing", colour_map()[MISSING]), ("no value", colour_map()[UNKNOWN]))):
+        x = left + i * 90 * scale
+        _draw_bar(x, low, side, side, colour[None])
+        _write(name, x + 1.5 * side, low + 1 * scale, scale)
+
+
+def _draw_bar(left: float, low: float, width: float, height: float, colours: np.ndarray) -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    colours = colour_map()[: len(colour_map()) - 2]
     edges = left + width * np.linspace(0.0, 1.0, len(colours) + 1)
     corners, shades = [], []
     for i, colour in enumerate(colours.tolist()):

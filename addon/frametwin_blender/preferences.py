@@ -2,6 +2,7 @@
 
 # No postponed annotations here: Blender reads them as properties.
 from pathlib import Path
+from time import perf_counter
 from typing import ClassVar
 
 import bpy
@@ -16,6 +17,7 @@ from . import session
 from .steps import Step, draw_progress, is_free, needs, write_text
 
 TITLE = "Test"
+LOOK_AGAIN = 3.0  # seconds
 
 
 class FrameTwinPreferences(bpy.types.AddonPreferences):
@@ -125,6 +127,31 @@ def worker_kind() -> str:
     return f"python {chosen_python()}"
 
 
+_seen: dict[str, tuple[float, bool]] = {}
+
+
+def has_python() -> bool:
+    """Whether there is a Python to compute with; looked up at most once in a few seconds, since panels ask often."""
+    preferences = preferences_of()
+    key = "" if preferences is None else preferences.python
+    at, found = _seen.get(key, (-LOOK_AGAIN, False))
+    if perf_counter() - at > LOOK_AGAIN:
+        try:
+            found = bool(chosen_python())
+        except InputError:
+            found = False
+        _seen.clear()
+        _seen[key] = (perf_counter(), found)
+    return found
+
+
+def draw_python(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Where there is no Python yet, say so, and show the way."""
+    if not has_python():
+        write_text(layout, "The fitter has no Python yet: set it up in the preferences.", context, "ERROR")
+        layout.operator("frametwin.open_preferences", icon="PREFERENCES")
+
+
 def bundled(pattern: str) -> Path:
     """A file that came with the extension.
 
@@ -139,6 +166,18 @@ def bundled(pattern: str) -> Path:
         remedy = "install the extension from its zip"
         raise InputError.at(folder / pattern, "file", "is missing, since this is no built extension", remedy)
     return found[-1]
+
+
+class FRAMETWIN_OT_open_preferences(bpy.types.Operator):
+    """Open this add-on's preferences, where its Python is set up or chosen"""
+
+    bl_idname = "frametwin.open_preferences"
+    bl_label = "Open Preferences"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    def execute(self, context):
+        bpy.ops.preferences.addon_show(module=__package__)
+        return {"FINISHED"}
 
 
 class FRAMETWIN_OT_set_up(Step, bpy.types.Operator):
@@ -227,6 +266,7 @@ def test_job() -> Job:
 
 CLASSES = (
     FrameTwinPreferences,
+    FRAMETWIN_OT_open_preferences,
     FRAMETWIN_OT_set_up,
     FRAMETWIN_OT_cancel_set_up,
     FRAMETWIN_OT_test_python,
