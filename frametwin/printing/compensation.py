@@ -26,6 +26,12 @@ from frametwin.wireframe import Wireframe
 PULLS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
 """Along x, along y, and the weight."""
 
+NOISE = 0.05
+"""Inaccuracy of laying and seeing a joint, as a share of a strut's diameter."""
+
+DOUBT = 4.0
+"""Factors within so many variances of zero, two standard deviations, are taken for zero."""
+
 
 @dataclass(frozen=True, eq=False)
 class Observation:
@@ -65,10 +71,16 @@ class SagForecast:
         What shall be printed.
     drift
         (B, V, 3, 3) mm that each joint drifts in each batch, by direction, for each of `PULLS`.
+    lean
+        Sideways pull to be expected, as a share of the weight.
+    noise
+        Inaccuracy of laying and seeing a joint, in mm along each axis.
     """
 
     design: Wireframe
     drift: np.ndarray
+    lean: float
+    noise: float
 
     @classmethod
     def build(cls, design: Wireframe, sequence: PrintSequence, settings: PrintSettings | None = None) -> SagForecast:
@@ -82,10 +94,15 @@ class SagForecast:
             What is believed of the material: how fast it hardens. Its weight, ``flow`` and ``sag`` do not matter.
         """
         settings = PrintSettings() if settings is None else settings
-        return cls(design, linear_drift(design, sequence, settings, PULLS))
+        noise = NOISE * 2.0 * float(np.median(design.radius))
+        return cls(design, linear_drift(design, sequence, settings, PULLS), max(settings.lean, 1e-3), noise)
 
     def factors(self, seen: Sequence[Observation]) -> np.ndarray:
-        """(3,) factors on `PULLS` that explain best what was seen; zero where nothing was.
+        """(3,) factors on `PULLS` that explain best what was seen; zero where that says nothing.
+
+        Least squares, with sideways factors expected to be about ``lean`` times that of the weight, and all of them
+        drawn towards zero (the positive part of James and Stein's estimate) as long as what was seen could as well be
+        inaccuracy of laying and seeing: after a first batch that hardly moved, any weight would do.
 
         Raises
         ------
@@ -99,9 +116,16 @@ class SagForecast:
                 raise InputError.at(self.design.name, "batch", problem, "give the batches of this print")
             rows.append(self.drift[one.batch][one.known].reshape(-1, 3))
             values.append(one.drift[one.known].ravel())
-        factors: np.ndarray = np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=1e-9)[0]
-        factors[2] = max(factors[2], 0.0)  # nothing falls upwards
-        return factors
+        model, value = np.concatenate(rows), np.concatenate(values)
+        down = model[:, 2]
+        if not down.any():
+            return np.zeros(3)
+        weight = max(0.0, float(down @ value) / float(down @ down))  # nothing falls upwards
+        noise = max(self.noise**2, float(np.mean((value - weight * down) ** 2)))
+        prior = np.diag([1.0, 1.0, 0.0]) * noise / max(self.lean * weight, 1e-12) ** 2
+        factors: np.ndarray = np.linalg.solve(model.T @ model + prior, model.T @ value)
+        doubt = noise / float(down @ down) / max(factors[2], 1e-12) ** 2
+        return factors * max(0.0, 1.0 - DOUBT * doubt)
 
     def to_come(self, seen: Sequence[Observation], batch: int) -> np.ndarray:
         """(V, 3) mm that each joint will drift in the batches from ``batch`` on."""
