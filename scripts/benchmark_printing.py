@@ -1,0 +1,137 @@
+"""Simulated prints without adaptation, with it, and with compensation too: which of them are finished, and how well.
+
+    python scripts/benchmark_printing.py                              four frames, ten seeds, three ways: hours
+    python scripts/benchmark_printing.py --frames bridge --seeds 3    seeds 0, 1 and 2 alone
+    python scripts/benchmark_printing.py --results FILE               go on with a file of results, or only show it
+
+Every frame is printed with the default settings of `frametwin.printing.material.PrintSettings`, struts of 6 % of the
+median strut length in radius, and a look of 8 cameras of 600x800 after every twentieth of the struts, 20 at the most.
+The order is planned once for each frame. The twins see only pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+from benchmark import RADIUS_SHARE, frame_files
+
+from frametwin.formats import read_frame
+from frametwin.printing.order import OrderSettings, plan_sequence
+from frametwin.printing.plan_job import PlanOptions
+from frametwin.printing.sequence_file import write_sequence
+from frametwin.printing.simulate import SimulationOptions, simulate_print
+from frametwin.printing.simulated_pictures import Rig
+from frametwin.wireframe import Wireframe
+
+FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
+WAYS = {"plain": (False, False), "adapted": (True, False), "compensated": (True, True)}
+"""Whether each way adapts, and whether it compensates."""
+BATCHES, SMALLEST, LARGEST = 20, 4, 20
+COLUMNS = (
+    "frame",
+    "struts",
+    "batches",
+    "collapsed without",
+    "completed with",
+    "completed compensated",
+    "largest displacement with / compensated, mm",
+    "mean deviation with / compensated, mm",
+    "twin of a batch, s",
+    "printing of a batch, s",
+)
+
+
+def design_of(name: str) -> Wireframe:
+    """The frame with struts of the radius that all benchmarks have, in no order."""
+    frame = read_frame(frame_files()[name])
+    radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
+    batch = np.zeros(frame.strut_count, dtype=np.int64)
+    return frame.replace(radius=np.full(frame.strut_count, radius), batch=batch)
+
+
+def batch_size(frame: Wireframe) -> int:
+    """Struts between two looks of the cameras."""
+    return int(np.clip(round(frame.strut_count / BATCHES), SMALLEST, LARGEST))
+
+
+def run(frame: Wireframe, order: Path, way: str, seed: int, folder: Path) -> dict:
+    """Print a frame once."""
+    adapt, compensate = WAYS[way]
+    plan = PlanOptions(adapt=adapt, compensate=compensate, allow_contact=True, formats=("json",))
+    options = SimulationOptions(plan=plan, rig=Rig(size=(600, 800)), seed=seed)
+    return simulate_print(folder, frame, options, order=order).as_dict()
+
+
+def rows(results: list[dict]) -> list[str]:
+    """The table, a line for each frame."""
+    lines = ["| " + " | ".join(COLUMNS) + " |", "|" + " --- |" * len(COLUMNS)]
+    frames: dict[str, dict[str, list[dict]]] = defaultdict(lambda: defaultdict(list))
+    for result in results:
+        frames[result["name"]][result["way"]].append(result)
+    for name, ways in frames.items():
+        some = next(iter(ways.values()))[0]
+        twins = [second for way in ("adapted", "compensated") for one in ways[way] for second in one["twin_seconds"]]
+        robot = [second for one in ways["adapted"] for second in one["printing_seconds"]]
+        cells = (
+            name,
+            str(some["struts"]),
+            str(some["batches"]),
+            _count(ways["plain"], lambda one: one["collapsed_at_batch"] is not None),
+            _count(ways["adapted"], lambda one: one["completed"]),
+            _count(ways["compensated"], lambda one: one["completed"]),
+            " / ".join(_mean(ways[way], lambda one: one["e_max"][-1], 1) for way in ("adapted", "compensated")),
+            " / ".join(_mean(ways[way], lambda one: one["mean_deviation"], 2) for way in ("adapted", "compensated")),
+            f"{np.mean(twins):.2f}" if twins else "",
+            f"{np.mean(robot):.0f}" if robot else "",
+        )
+        lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
+def _count(results: list[dict], holds) -> str:
+    return f"{sum(bool(holds(one)) for one in results)} of {len(results)}"
+
+
+def _mean(results: list[dict], value, digits: int) -> str:
+    """The mean over the prints that were finished."""
+    values = [value(one) for one in results if one["completed"]]
+    return f"{np.mean(values):.{digits}f}" if values else "none"
+
+
+def main() -> None:
+    """Run what is not yet in the file of results, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", nargs="*", default=list(FRAMES), choices=list(frame_files()), metavar="NAME")
+    parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=list(WAYS))
+    parser.add_argument("--seeds", type=int, default=10, help="how many, from 0")
+    parser.add_argument("--results", type=Path, help="a file of one JSON object a line, added to and gone on with")
+    given = parser.parse_args()
+    results = []
+    if given.results and given.results.exists():
+        results = [json.loads(line) for line in given.results.read_text().splitlines()]
+    done = {(one["name"], one["way"], one["seed"]) for one in results}
+    with tempfile.TemporaryDirectory(prefix="frametwin-") as scratch:
+        for name in given.frames:
+            frame, order = design_of(name), Path(scratch) / f"{name}.json"
+            for seed in range(given.seeds):
+                for way in given.ways:
+                    if (name, way, seed) in done:
+                        continue
+                    if not order.exists():
+                        settings = OrderSettings(batch_size=batch_size(frame), allow_contact=True)
+                        write_sequence(order, plan_sequence(frame, settings))
+                    result = run(frame, order, way, seed, Path(scratch) / f"{name}-{way}-{seed}")
+                    results.append({"name": name, "way": way, "seed": seed, **result})
+                    if given.results:
+                        with given.results.open("a") as file:
+                            file.write(json.dumps(results[-1]) + "\n")
+    print("\n".join(rows(results)))
+
+
+if __name__ == "__main__":
+    main()
