@@ -52,6 +52,7 @@ def next_command(
     """
     from frametwin.printing.answer import AnswerOptions
     from frametwin.printing.job import Job
+    from frametwin.printing.summaries import answer_summary
 
     work = Job(job)
     options = AnswerOptions(accept=frozenset(accept), reprint=reprint, warm=not cold)
@@ -94,6 +95,7 @@ def watch_command(
     """
     from frametwin.printing.answer import AnswerOptions
     from frametwin.printing.job import Job
+    from frametwin.printing.summaries import answer_summary
     from frametwin.printing.watch import Watch
 
     work = Job(job)
@@ -107,19 +109,6 @@ def watch_command(
     from frametwin.cli.print_status import tell_status
 
     tell_status(work)
-
-
-def answer_summary(job: Job, report: dict[str, Any]) -> dict[str, Any]:
-    """An answer, as for programs."""
-    following = job.current
-    ahead = None if following is None else {"batch": following, **job.waypoint_summary(following)}
-    kept = ("batch", "laid", "standing", "lost", "again", "e_max", "accepted", "seconds")
-    return {
-        **{key: report[key] for key in kept},
-        "twin": report.get("twin"),
-        "finished": following is None,
-        "next": ahead,
-    }
 
 
 def answer_facts(job: Job, report: dict[str, Any]) -> list[tuple[str, str]]:

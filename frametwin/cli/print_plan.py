@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -20,9 +20,6 @@ from frametwin.cli.common import (
 )
 from frametwin.cli.display import Display
 from frametwin.cli.print_common import Formats, Numbers, loop_options, order_options, read_base, split_nozzle
-
-if TYPE_CHECKING:
-    from frametwin.printing.job import Job
 
 
 @click.command("plan", short_help="Plan the order of a frame and write a job with its first batch.")
@@ -76,6 +73,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     check_output_folder(out, overwrite, "job.json")
     plan = load_frame(frame)
     from frametwin.printing.plan_job import PlanOptions, plan_job
+    from frametwin.printing.summaries import plan_summary
 
     order, base = settings.pop("order"), read_base(settings.pop("base"))
     speed = settings.pop("speed")
@@ -99,18 +97,3 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
             ("next", f"print them, take pictures, then: frametwin print next {out} --capture CAPTURE"),
         ],
     )
-
-
-def plan_summary(job: Job) -> dict[str, Any]:
-    """What was planned, as for a JSON file."""
-    summary = job.waypoint_summary(0)
-    workspace = job.settings.robot.workspace
-    return {
-        "frame": job.design.name,
-        "struts": job.design.strut_count,
-        "batches": job.file.batches,
-        "batch_sizes": [state.struts for state in job.states()],
-        "workspace": [workspace.lower, workspace.upper],
-        "max_speed": workspace.max_speed,
-        "first": {**summary, "struts": len(summary["struts"])},
-    }

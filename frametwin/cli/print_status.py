@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from frametwin.cli.common import FOLDER, json_option, print_json, print_table
 
 if TYPE_CHECKING:
-    from frametwin.printing.job import BatchState, Job
+    from frametwin.printing.job import Job
 
 
 @click.command("status", short_help="Show how far a job is, and what to do next.")
@@ -25,6 +25,7 @@ def status_command(job: Path, as_json: bool) -> None:
       frametwin print status out/job
     """
     from frametwin.printing.job import Job
+    from frametwin.printing.summaries import status_summary
 
     work = Job(job)
     work.settle()
@@ -34,45 +35,10 @@ def status_command(job: Path, as_json: bool) -> None:
         tell_status(work)
 
 
-def status_summary(job: Job) -> dict[str, Any]:
-    """The state of a job, as for a JSON file."""
-    current = job.current
-    return {
-        "frame": job.design.name,
-        "struts": job.design.strut_count,
-        "adapted": job.settings.adapt,
-        "current": current,
-        "finished": current is None,
-        "next": what_next(job),
-        "batches": [_batch_summary(job, state) for state in job.states()],
-    }
-
-
-def _batch_summary(job: Job, state: BatchState) -> dict[str, Any]:
-    data: dict[str, Any] = {"batch": state.batch, "struts": state.struts, "state": state.state}
-    if state.report is not None:
-        kept = ("standing", "lost", "again", "e_max", "accepted", "capture", "seconds")
-        data.update({key: state.report[key] for key in kept})
-        data["twin"] = state.report.get("twin")
-    if state.state != "to come":
-        summary = job.waypoint_summary(state.batch)
-        data["printing_seconds"], data["contacts"] = summary["seconds"], summary["contacts"]
-    return data
-
-
-def what_next(job: Job) -> str:
-    """What to do, in a sentence."""
-    batch = job.current
-    if batch is None:
-        return "The print is finished."
-    waypoints = job.batch_folder(batch) / "waypoints"
-    return (
-        f"Print batch {batch} ({waypoints}), take pictures, then: frametwin print next {job.folder} --capture CAPTURE"
-    )
-
-
 def tell_status(job: Job) -> None:
     """Print the state of a job for people."""
+    from frametwin.printing.summaries import what_next
+
     rows = []
     for state in job.states():
         report = state.report

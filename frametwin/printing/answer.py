@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from frametwin.cameras import Camera
 from frametwin.errors import InputError
 from frametwin.files import PathLike, write_json
 from frametwin.findings import missing_struts, uncertain_struts
@@ -18,7 +19,7 @@ from frametwin.fit.api import FitResult, write_run
 from frametwin.formats import frame_json
 from frametwin.printing import guards
 from frametwin.printing import job_files as files
-from frametwin.printing.adapt import adapt
+from frametwin.printing.adapt import adapt, lost_struts
 from frametwin.printing.batch_capture import BatchCapture, take_capture
 from frametwin.printing.batch_fit import BatchFit, fit_batch
 from frametwin.printing.compensation import Observation, SagForecast, compensate
@@ -35,6 +36,10 @@ from frametwin.wireframe import Wireframe
 
 ACCEPTABLE = (*guards.KINDS, "contact")
 """What can be accepted by name."""
+
+
+ASTRAY = ("collapsed", "poor-fit", "displacement")
+"""Doubts that pictures of a later batch raise as well, as twins of fewer struts than are seen go anywhere."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +128,8 @@ class GoingOn:
 class _Found:
     """The twin of a batch, the plan that meets it, and how well the pictures bear it out."""
 
+    cameras: Sequence[Camera]
+    masks: Sequence[np.ndarray]
     fit: BatchFit
     adapted: Wireframe
     evidence: Evidence
@@ -202,7 +209,7 @@ def _find(taken: BatchCapture, step: Step, options: AnswerOptions, progress: Pro
     laps.append(perf_counter())
     names = ("read", "twin", "adapt", "guards")
     seconds = dict(zip(names, np.diff(laps).tolist(), strict=True))
-    return _Found(dataclasses.replace(fit, result=result), adapted, evidence, seconds)
+    return _Found(cameras, masks, dataclasses.replace(fit, result=result), adapted, evidence, seconds)
 
 
 def _described(fit: BatchFit, taken: BatchCapture) -> FitResult:
@@ -248,9 +255,25 @@ def _compensated(step: Step, found: _Found) -> Wireframe:
 def _doubts(step: Step, found: _Found, going: GoingOn) -> list[Doubt]:
     expected, limits, twin = step.expected, step.settings.limits, found.fit.result.twin
     doubts = guards.doubts_of_twin(expected, twin, found.adapted, found.evidence, limits)
+    if any(doubt.kind in ASTRAY for doubt in doubts) and _shows_next_batch(step, found):
+        return [guards.too_early(expected)]
     if expected.batch + 1 < going.sequence.batch_count:
         doubts += guards.doubts_of_starts(going.adapted, twin, going.sequence, expected.batch + 1, limits)
     return doubts
+
+
+def _shows_next_batch(step: Step, found: _Found) -> bool:
+    """Whether the pictures are well explained by a print in which the next batch has been laid too."""
+    following, limits = step.expected.next_struts, step.settings.limits
+    if following is None:
+        return False
+    printed = step.expected.frame.printed.copy()
+    printed[following.struts] = True
+    later = step.expected.frame.replace(printed=printed)
+    twin = fit_batch(later, found.cameras, found.masks).result.twin
+    absent = np.isin(following.struts, lost_struts(later, twin)).mean()
+    mismatch = Pictures(later, found.cameras, found.masks).evidence(later, twin).mismatch
+    return bool(absent < limits.elsewhere and mismatch < min(limits.mismatch, found.evidence.mismatch))
 
 
 def _write(stage: Path, step: Step, taken: BatchCapture | None, found: _Found | None, going: GoingOn) -> None:

@@ -249,10 +249,13 @@ def _doubts_of_batch(expected: Expectation, lost: np.ndarray, evidence: Evidence
         return [Doubt("wrong-batch", problem, f"{remedy}, and look whether it was printed")]
     seen = evidence.whiteness[np.isfinite(evidence.whiteness)]
     early = int((seen > limits.whiteness).sum())
-    if early > limits.elsewhere * len(seen):
-        problem = f"{early} struts of batch {batch + 1}, which is still to come, are in the pictures"
-        return [Doubt("wrong-batch", problem, remedy)]
-    return []
+    return [too_early(expected)] if early > limits.elsewhere * len(seen) else []
+
+
+def too_early(expected: Expectation) -> Doubt:
+    """The pictures are those of a later batch."""
+    problem = f"struts of batch {expected.batch + 1}, which is still to come, are in the pictures"
+    return Doubt("wrong-batch", problem, f"give the pictures taken after batch {expected.batch}")
 
 
 def doubts_of_starts(

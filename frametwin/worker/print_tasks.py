@@ -1,0 +1,122 @@
+"""The worker's jobs for adaptive printing: plan, answer, tell the state, simulate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from frametwin.printing.answer import AnswerOptions
+from frametwin.printing.job import Job
+from frametwin.printing.plan_job import PlanOptions, plan_job
+from frametwin.printing.simulate import SimulationOptions, draw_print, simulate_print
+from frametwin.printing.summaries import answer_summary, plan_summary, status_summary
+from frametwin.progress import ProgressCallback
+from frametwin.worker.kinds import convert_fields
+from frametwin.worker.tasks import frame_of
+
+PICTURE = "print.png"
+
+
+def plan(
+    frame: str | dict[str, Any],
+    out: Path,
+    settings: dict[str, Any] | None = None,
+    order: Path | None = None,
+    overwrite: bool = False,
+    progress: ProgressCallback | None = None,
+) -> dict[str, Any]:
+    """Plan a print and write its job.
+
+    Parameters
+    ----------
+    frame
+        A file, the name of one of the project's frames, or the content of a frame file.
+    out, overwrite
+        The job folder, and whether it may be replaced if it is one.
+    settings
+        Fields of `frametwin.printing.plan_job.PlanOptions` that shall differ from the usual ones.
+    order
+        A file with an order to keep.
+    progress
+        See `ProgressCallback`.
+
+    Returns
+    -------
+    ``out`` and what `frametwin.printing.summaries.plan_summary` gives.
+    """
+    options = PlanOptions(**convert_fields(PlanOptions, settings or {}, "settings"))
+    job = plan_job(out, frame_of(frame), options, order=order, overwrite=overwrite, progress=progress)
+    return {"out": out, **plan_summary(job)}
+
+
+def answer(
+    job: Path,
+    capture: Path,
+    accept: list[str] | None = None,
+    reprint: bool | None = None,
+    progress: ProgressCallback | None = None,
+) -> dict[str, Any]:
+    """Answer the batch that was printed last.
+
+    Parameters
+    ----------
+    job, capture
+        The folders.
+    accept, reprint
+        See `AnswerOptions`.
+    progress
+        See `ProgressCallback`.
+
+    Returns
+    -------
+    ``job`` and what `frametwin.printing.summaries.answer_summary` gives.
+    """
+    options = AnswerOptions(accept=frozenset(accept or ()), reprint=reprint)
+    work = Job(job)
+    report = work.answer(capture, options, progress)
+    return {"job": job, **answer_summary(work, report)}
+
+
+def status(job: Path) -> dict[str, Any]:
+    """The state of a job.
+
+    Returns
+    -------
+    ``job`` and what `frametwin.printing.summaries.status_summary` gives.
+    """
+    work = Job(job)
+    work.settle()
+    return {"job": job, **status_summary(work)}
+
+
+def simulate(
+    frame: str | dict[str, Any],
+    out: Path,
+    settings: dict[str, Any] | None = None,
+    order: Path | None = None,
+    overwrite: bool = False,
+    progress: ProgressCallback | None = None,
+) -> dict[str, Any]:
+    """Print a frame without a robot.
+
+    Parameters
+    ----------
+    frame, out, order, overwrite
+        As for `plan`. A simulation that was stopped goes on.
+    settings
+        Fields of `frametwin.printing.simulate.SimulationOptions` that shall differ from the usual ones; ``plan``,
+        ``print`` and ``rig`` are objects with fields of their own.
+    progress
+        See `ProgressCallback`.
+
+    Returns
+    -------
+    ``out`` and what ``frametwin print simulate --json`` prints.
+    """
+    wanted = dict(settings or {})
+    if isinstance(wanted.get("plan"), dict):
+        wanted["plan"] = {"allow_contact": True, **wanted["plan"]}
+    options = SimulationOptions(**convert_fields(SimulationOptions, wanted, "settings"))
+    simulated = simulate_print(out, frame_of(frame), options, order=order, overwrite=overwrite, progress=progress)
+    draw_print(out / PICTURE, simulated)
+    return {"out": out, **simulated.as_dict()}
