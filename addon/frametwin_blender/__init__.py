@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import adapt, cameras, deform, fit, legend, plan, preferences, properties, render, session, twin
+from . import adapt, cameras, deform, fit, legend, plan, preferences, printing, properties, render, session, twin
 
-MODULES = (properties, preferences, plan, deform, cameras, render, fit, twin, adapt)
+MODULES = (properties, preferences, plan, deform, cameras, render, fit, twin, adapt, printing)
 """In the order of their panels."""
 
 CLASSES = tuple(cls for module in (*MODULES, session) for cls in module.CLASSES)

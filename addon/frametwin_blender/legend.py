@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from frametwin.blender.colours import MISSING, UNKNOWN, Legend, colour_map
+from frametwin.blender.print_jobs import jobs_in
 from frametwin.blender.twin_records import load_legend
 
 from .steps import twin_of
@@ -34,7 +35,7 @@ def _draw() -> None:
     settings = getattr(context.scene, "frametwin", None)
     if settings is None or not settings.view.legend or not context.space_data.overlay.show_overlays:
         return
-    collection = twin_of(context)
+    collection = twin_of(context) or next(iter(jobs_in(context.scene)), None)
     legend = None if collection is None else load_legend(collection)
     if legend is not None and not context.view_layer.layer_collection.exclude:
         _draw_legend(legend, context.preferences.system.ui_scale, context.region)

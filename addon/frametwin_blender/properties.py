@@ -217,6 +217,33 @@ class FrameTwinFit(bpy.types.PropertyGroup):
     )
 
 
+class FrameTwinPrint(bpy.types.PropertyGroup):
+    """Printing batch by batch."""
+
+    job: StringProperty(  # type: ignore[valid-type]
+        name="Job",
+        subtype="DIR_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        description="Folder of a print job, as made here or by the command frametwin print",
+    )
+    seed: IntProperty(  # type: ignore[valid-type]
+        name="Seed", min=0, description="Of the simulated print: how soft struts are, where the nozzle misses"
+    )
+    mode: EnumProperty(  # type: ignore[valid-type]
+        name="Simulate",
+        description="How the simulated print is steered",
+        items=(
+            ("both", "With and without", "Side by side: adapted to the twin of each batch, and blindly as designed"),
+            ("adapt", "Adapted", "After each batch, what follows is moved to meet the twin"),
+            ("blind", "As designed", "Nothing is moved"),
+            ("compensate", "Compensated", "Adapted, and printed against the sag that is still to come"),
+        ),
+    )
+    batch_size: IntProperty(  # type: ignore[valid-type]
+        name="Batch Size", min=0, description="Struts between two looks of the cameras, about; 0 for ten batches"
+    )
+
+
 class FrameTwinView(bpy.types.PropertyGroup):
     """How a twin is looked at."""
 
@@ -275,6 +302,7 @@ class FrameTwinSettings(bpy.types.PropertyGroup):
     cameras: PointerProperty(type=FrameTwinCameras)  # type: ignore[valid-type]
     render: PointerProperty(type=FrameTwinRender)  # type: ignore[valid-type]
     fit: PointerProperty(type=FrameTwinFit)  # type: ignore[valid-type]
+    print: PointerProperty(type=FrameTwinPrint)  # type: ignore[valid-type]
     view: PointerProperty(type=FrameTwinView)  # type: ignore[valid-type]
 
 
@@ -285,6 +313,7 @@ CLASSES = (
     FrameTwinCameras,
     FrameTwinRender,
     FrameTwinFit,
+    FrameTwinPrint,
     FrameTwinView,
     FrameTwinSettings,
 )

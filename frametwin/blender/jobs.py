@@ -78,10 +78,10 @@ class RenderJob:
         return path
 
 
-def call_renderer(scene: str) -> None:
-    """Let Blender render the scene of this name to the path that is set in it."""
+def call_renderer(scene: str, animation: bool = False) -> None:
+    """Let Blender render the scene of this name to the path that is set in it: one picture, or its whole timeline."""
     with quiet_console():
-        bpy.ops.render.render(write_still=True, scene=scene)
+        bpy.ops.render.render(write_still=not animation, animation=animation, scene=scene)
 
 
 def made_folder(folder: Path) -> Path:

@@ -37,7 +37,7 @@ class Job:
     title
         What to call it: ``"Fit"``.
     request, parameters
-        One of the worker's jobs.
+        One of the worker's jobs; ``None`` for what needs no worker but takes a while to ``load``.
     worker
         Gives the client that does it, not started yet. Called in the main thread; may raise `FrameTwinError`.
     kind
@@ -52,18 +52,21 @@ class Job:
         Takes away what ``on_curves`` has shown; called once, however the job ends.
     clean
         Called in a thread after the process was killed: removes what it may have left on disk.
+    then
+        Gives the job that follows if this one ends well; ``None`` for none.
     """
 
     title: str
-    request: str
-    parameters: Mapping[str, Any]
-    worker: Callable[[], WorkerClient]
-    kind: str | None
     finish: Callable[[Any], Steps]
+    request: str | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    worker: Callable[[], WorkerClient] | None = None
+    kind: str | None = None
     load: Callable[[dict[str, Any]], Any] = lambda result: result
     on_curves: Callable[[np.ndarray], None] | None = None
     clear: Callable[[], None] = lambda: None
     clean: Callable[[], None] = lambda: None
+    then: Callable[[], Job] | None = None
 
 
 @dataclass
@@ -172,22 +175,30 @@ class Runner:
         """
         if self._job is not None:
             raise FrameTwinError(f"{self._job.title} is still under way; wait for it or cancel it")
+        self._held = False
+        self._steps = self._result = self._deadline = None
+        if job.request is None or job.worker is None:
+            self._job, self._client, self._key = job, None, None
+            self.status = Status(job.title, "reading")
+            self._run_in_thread(lambda: job.load({}), self._loaded)
+            return
+        self._start_worker(job, job.request, job.worker)
+
+    def _start_worker(self, job: Job, request: str, worker: Callable[[], WorkerClient]) -> None:
         kept = self._kept.get(job.kind) if job.kind is not None else None
-        client = kept if kept is not None and kept.alive else job.worker()
+        client = kept if kept is not None and kept.alive else worker()
         if kept is not None and client is not kept:
             self._kept.pop(job.kind or "")
         for kind in [kind for kind in self._kept if job.kind is not None and kind != job.kind]:
             _close_aside(self._kept.pop(kind))  # of another Python, which was given up for this one
         self._job, self._client, self._key = job, client, None
-        self._steps = self._result = self._deadline = None
-        self._held = False
         self.status = Status(job.title, "starting")
         fresh = client is not kept
 
         def begin() -> str:
             if fresh:
                 client.start()
-            return client.request(job.request, job.parameters, curves=job.on_curves is not None)
+            return client.request(request, job.parameters, curves=job.on_curves is not None)
 
         self._run_in_thread(begin, self._began, lambda: client.close(0.0))
 
@@ -203,7 +214,7 @@ class Runner:
         try:
             self._pump(perf_counter() + seconds)
         except Cancelled:
-            self._end(False, "Cancelled")
+            self._end(False, "Cancelled", cancelled=True)
         except FrameTwinError as error:
             self._end(True, str(error))
         except Exception as error:  # a bug must not leave a job that never ends
@@ -262,7 +273,9 @@ class Runner:
 
     def _loaded(self, value: Any) -> None:
         assert self._job is not None
-        self._result, self._deadline = value, None
+        if self.cancelling:
+            raise Cancelled
+        self._result = value
         self.status.stage = "showing the result"
         self._steps = self._job.finish(value)
 
@@ -288,7 +301,7 @@ class Runner:
         self.status.stage = "stopping"
         self._deadline = perf_counter() + GRACE
         if self._steps is not None:
-            self._end(False, "Cancelled")
+            self._end(False, "Cancelled", cancelled=True)
         elif self._client is not None and self._key is not None:
             self._client.cancel(self._key)
 
@@ -307,7 +320,7 @@ class Runner:
 
         threading.Thread(target=kill, name="end of a worker", daemon=True).start()
 
-    def _end(self, error: bool, message: str) -> None:
+    def _end(self, error: bool, message: str, cancelled: bool = False) -> None:
         job, client, steps = self._job, self._client, self._steps
         assert job is not None
         self._job = self._client = self._key = self._steps = self._result = self._deadline = None
@@ -319,6 +332,11 @@ class Runner:
         if client is not None:
             self._keep_or_close(job, client)
         self.status.error, self.status.message, self.status.stage = error, message, ""
+        if job.then is not None and not error and not cancelled:
+            try:
+                self.start(job.then())
+            except FrameTwinError as problem:
+                self.status.error, self.status.message = True, str(problem)
 
     def _keep_or_close(self, job: Job, client: WorkerClient) -> None:
         if job.kind is not None and client.alive and client.versions:
@@ -337,7 +355,7 @@ class Runner:
         self._kept = {}
         if job is not None:
             self._client = None
-            self._end(False, "Cancelled")
+            self._end(False, "Cancelled", cancelled=True)
         for client in clients:
             client.close(0.2)
         if job is not None:

@@ -1,1 +1,1 @@
-"""Adaptive printing: the order of the struts, the closed loop with the twin, its simulator, and what the robot is told."""
+"""Adaptive printing: the order of struts, the closed loop with the twin, its simulator, what the robot is told."""

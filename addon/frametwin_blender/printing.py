@@ -1,0 +1,310 @@
+"""Below step 7: a whole print, batch by batch on the timeline, simulated or with a robot."""
+
+# No postponed annotations here: Blender reads them as properties.
+from typing import ClassVar
+
+import bpy
+
+from frametwin.blender.plans import plan_from_object
+from frametwin.blender.print_jobs import WORDS_KEY, batch_shown, jobs_in, remove_job, show_job_steps
+from frametwin.blender.runner import Job
+from frametwin.errors import InputError
+from frametwin.files import remove_leftovers
+from frametwin.formats import frame_json
+from frametwin.printing.history import read_history
+
+from . import session
+from .deform import hide_plan
+from .folders import fresh_folder, given_folder
+from .preferences import draw_python, python_worker, worker_kind
+from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
+
+TITLE = "Print"
+MODES = {"both": ("adapt", "blind"), "adapt": ("adapt",), "blind": ("blind",), "compensate": ("compensate",)}
+
+
+def simulation_jobs(context: bpy.types.Context) -> Job:
+    """Print the plan without a robot in the ways that the panel says, one after the other, and show them side by side.
+
+    Raises
+    ------
+    FrameTwinError
+        If the plan cannot be read.
+    """
+    settings, scene = settings_of(context).print, context.scene
+    frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=scene))
+    modes, taken = MODES[settings.mode], fresh_folder(context, "print")
+    number, top, told = int(taken.name.rpartition("-")[2]), [], []
+    plan = {"batch_size": settings.batch_size} if settings.batch_size else {}
+
+    def job(place: int) -> Job:
+        mode = modes[place]
+        out = taken.with_name(f"print-{number + place:03d}")
+        wanted = {"plan": {**plan, "adapt": mode != "blind", "compensate": mode == "compensate"}, "seed": settings.seed}
+
+        def finish(found):
+            answer, history = found
+            if place == 0:
+                for old in jobs_in(scene):
+                    remove_job(old)
+                top.append(history.largest_displacement)
+            yield from show_job_steps(history, scene, folder=str(out), place=place, top=top[0])
+            scene.frametwin.print.job = str(out)
+            hide_plan(scene)
+            told.append(f"{dict(adapt='Adapted', blind='As designed').get(mode, 'Compensated')}: {words_of(answer)}")
+            return ". ".join(told)
+
+        return Job(
+            title=TITLE,
+            request="print-simulate",
+            parameters={"frame": frame, "out": out, "settings": wanted},
+            worker=python_worker,
+            kind=worker_kind(),
+            load=lambda answer: (answer, read_history(answer["out"])),
+            finish=finish,
+            clean=lambda: remove_leftovers(out),
+            then=(lambda: job(place + 1)) if place + 1 < len(modes) else None,
+        )
+
+    return job(0)
+
+
+def words_of(answer: dict) -> str:
+    """How a simulated print ended, in a line."""
+    if answer["completed"]:
+        return f"finished, all {answer['struts']} struts stand, {answer['mean_deviation']:.2f} mm from the design"
+    if answer["collapsed_at_batch"] is not None:
+        return f"collapsed in batch {answer['collapsed_at_batch']}"
+    return answer["held"] or f"{answer['lost'][-1]} struts were lost"
+
+
+def show_job(context: bpy.types.Context) -> Job:
+    """Put a job folder on the timeline.
+
+    Raises
+    ------
+    InputError
+        If no folder is given.
+    """
+    scene = context.scene
+    folder = given_folder(settings_of(context).print.job, "Job")
+
+    def finish(history):
+        place = len(jobs_in(scene))
+        yield from show_job_steps(history, scene, folder=str(folder), place=place)
+        return f"{len(history.batches)} batches on the timeline"
+
+    return Job(title=TITLE, load=lambda _: read_history(folder), finish=finish)
+
+
+def plan_print_job(context: bpy.types.Context) -> Job:
+    """Order the plan's struts and write a job for the robot.
+
+    Raises
+    ------
+    FrameTwinError
+        If the plan cannot be read.
+    """
+    settings, scene, out = settings_of(context).print, context.scene, fresh_folder(context, "print")
+    wanted = {"batch_size": settings.batch_size} if settings.batch_size else {}
+    frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=scene))
+
+    def finish(answer):
+        scene.frametwin.print.job = str(answer["out"])
+        return f"Job {answer['out']}: print its first batch, take the pictures, then Answer"
+        yield
+
+    return Job(
+        title=TITLE,
+        request="print-plan",
+        parameters={"frame": frame, "out": out, "settings": wanted},
+        worker=python_worker,
+        kind=worker_kind(),
+        finish=finish,
+        clean=lambda: remove_leftovers(out),
+    )
+
+
+def answer_job(context: bpy.types.Context) -> Job:
+    """Answer the batch that was printed last, from the pictures in the capture folder.
+
+    Raises
+    ------
+    InputError
+        If a folder is not given.
+    """
+    settings, scene = settings_of(context), context.scene
+    folder = given_folder(settings.print.job, "Job")
+    capture = given_folder(settings.fit.capture, "Capture")
+
+    def finish(found):
+        answer, history = found
+        for old in jobs_in(scene):
+            remove_job(old)
+        yield from show_job_steps(history, scene, folder=str(folder))
+        scene.frame_set(scene.frame_end)
+        return f"Batch {answer['batch']} answered; the next waypoints are in {folder}"
+
+    return Job(
+        title=TITLE,
+        request="print-next",
+        parameters={"job": folder, "capture": capture},
+        worker=python_worker,
+        kind=worker_kind(),
+        load=lambda answer: (answer, read_history(folder)),
+        finish=finish,
+    )
+
+
+class _PlanStep(Step):
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, plan_of(context), "Import or add a frame first") and is_free(cls)
+
+
+class FRAMETWIN_OT_simulate_print(_PlanStep, bpy.types.Operator):
+    """Print the plan without a robot, sagging as it grows, and put every batch on the timeline"""
+
+    bl_idname = "frametwin.simulate_print"
+    bl_label = "Simulate Print"
+    bl_options: ClassVar = {"REGISTER"}
+
+    def act(self, context):
+        session.start(simulation_jobs(context))
+
+
+class FRAMETWIN_OT_plan_print(_PlanStep, bpy.types.Operator):
+    """Find an order for the plan's struts and write a job with the first batch's waypoints for the robot"""
+
+    bl_idname = "frametwin.plan_print"
+    bl_label = "Plan Print"
+    bl_options: ClassVar = {"REGISTER"}
+
+    def act(self, context):
+        session.start(plan_print_job(context))
+
+
+class _JobStep(Step):
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, settings_of(context).print.job, "Choose the folder of a job first") and is_free(cls)
+
+
+class FRAMETWIN_OT_answer_print(_JobStep, bpy.types.Operator):
+    """Find the twin of the batch that was printed last, move what follows, and write the next waypoints"""
+
+    bl_idname = "frametwin.answer_print"
+    bl_label = "Answer"
+    bl_options: ClassVar = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        capture = settings_of(context).fit.capture
+        return super().poll(context) and needs(cls, capture, "Choose the batch's pictures first (Fit > Capture)")
+
+    def act(self, context):
+        session.start(answer_job(context))
+
+
+class FRAMETWIN_OT_show_job(_JobStep, bpy.types.Operator):
+    """Put the batches of a job on the timeline, beside jobs that are shown already"""
+
+    bl_idname = "frametwin.show_job"
+    bl_label = "Show Job"
+    bl_options: ClassVar = {"REGISTER"}
+
+    def act(self, context):
+        session.start(show_job(context))
+
+
+class _ShownStep(Step):
+    @classmethod
+    def poll(cls, context):
+        return needs(cls, jobs_in(context.scene), "Show or simulate a job first")
+
+
+class FRAMETWIN_OT_step_batch(_ShownStep, bpy.types.Operator):
+    """Go to the next batch on the timeline, or the one before"""
+
+    bl_idname = "frametwin.step_batch"
+    bl_label = "Batch"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
+
+    def act(self, context):
+        scene = context.scene
+        frames = sorted(marker.frame for marker in scene.timeline_markers if marker.name.startswith("batch "))
+        past = [frame for frame in frames if frame <= scene.frame_current]
+        at = max(0, min(len(frames) - 1, len(past) - 1 + self.step))
+        if not frames:
+            raise InputError.at(scene.name, "timeline", "has no batches (any more)", "show the job again")
+        scene.frame_set(frames[at])
+        return f"Batch {at}"
+
+
+class FRAMETWIN_OT_remove_jobs(_ShownStep, bpy.types.Operator):
+    """Take all jobs out of the scene; their folders stay on disk"""
+
+    bl_idname = "frametwin.remove_jobs"
+    bl_label = "Remove Jobs"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def act(self, context):
+        for collection in jobs_in(context.scene):
+            remove_job(collection)
+
+
+class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
+    """A whole print, batch by batch"""
+
+    bl_label = "Print"
+    bl_idname = "FRAMETWIN_PT_print"
+    bl_parent_id = "FRAMETWIN_PT_adapt"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        settings, layout = settings_of(context).print, self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        if plan_of(context) is None:
+            write_text(layout, "Add a plan to print it here, or show the folder of a job.", context, "INFO")
+        column = layout.column(align=True)
+        column.prop(settings, "mode")
+        column.prop(settings, "seed")
+        column.prop(settings, "batch_size")
+        if not draw_progress(layout, context, TITLE):
+            draw_python(layout, context)
+            layout.operator("frametwin.simulate_print", icon="PLAY")
+        column = layout.column(align=True)
+        column.prop(settings, "job")
+        row = column.row(align=True)
+        row.operator("frametwin.plan_print", text="Plan")
+        row.operator("frametwin.answer_print")
+        row.operator("frametwin.show_job", text="Show")
+        self._draw_jobs(layout, context)
+
+    def _draw_jobs(self, layout, context):
+        jobs = jobs_in(context.scene)
+        if not jobs:
+            return
+        row = layout.row(align=True)
+        row.operator("frametwin.step_batch", text="", icon="TRIA_LEFT").step = -1
+        batch = batch_shown(jobs[0], context.scene.frame_current)
+        row.label(text=batch.name if batch is not None else "Batch")
+        row.operator("frametwin.step_batch", text="", icon="TRIA_RIGHT").step = 1
+        row.operator("frametwin.remove_jobs", text="", icon="X")
+        for job in jobs:
+            batch = batch_shown(job, context.scene.frame_current)
+            if batch is not None:
+                write_text(layout, f"{job.name}: {batch.get(WORDS_KEY, '')}", context)
+
+
+CLASSES = (
+    FRAMETWIN_OT_simulate_print,
+    FRAMETWIN_OT_plan_print,
+    FRAMETWIN_OT_answer_print,
+    FRAMETWIN_OT_show_job,
+    FRAMETWIN_OT_step_batch,
+    FRAMETWIN_OT_remove_jobs,
+    FRAMETWIN_PT_print,
+)
