@@ -39,9 +39,6 @@ class Numbers(click.ParamType):
         self.names = names
         self.count = len(names.split(","))
 
-    def get_metavar(self, param: click.Parameter, *rest: Any) -> str:
-        return self.names
-
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
         if isinstance(value, tuple):
             return value

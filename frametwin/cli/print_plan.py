@@ -40,6 +40,7 @@ from frametwin.cli.print_common import Formats, Numbers, loop_options, order_opt
 @click.option(
     "--workspace",
     type=Numbers("X0,Y0,Z0,X1,Y1,Z1"),
+    metavar="X0,Y0,Z0,X1,Y1,Z1",
     help="Lower and upper corner in mm, in the robot's base, of where the tool's tip may go; nothing outside is ever"
     " written.  [default: the frame with its own length to spare on all sides and above]",
 )

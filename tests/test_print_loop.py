@@ -1,0 +1,388 @@
+"""The closed loop: warm fits, reasons to stop, watching for captures, and the simulation."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from print_cases import LeaningPrint, cameras_of, print_batch, small_job
+from small_frames import tower
+
+from frametwin.errors import Cancelled, InputError
+from frametwin.evaluate import evaluate
+from frametwin.files import read_json
+from frametwin.formats import frame_json
+from frametwin.image_files import image_size
+from frametwin.parametric import named_frame
+from frametwin.printing import guards
+from frametwin.printing.batch_fit import fit_batch
+from frametwin.printing.evidence import Evidence, Pictures
+from frametwin.printing.guards import Expectation, GuardLimits
+from frametwin.printing.job import Job
+from frametwin.printing.plan_job import PlanOptions
+from frametwin.printing.requeue import laid_again
+from frametwin.printing.sequence import PrintSequence
+from frametwin.printing.simulate import SimulationOptions, draw_print, simulate_print
+from frametwin.printing.simulated_pictures import Rig
+from frametwin.printing.watch import Watch
+from frametwin.progress import Progress
+from frametwin.raster.silhouette import silhouettes
+from frametwin.twin import Twin, read_twin
+from frametwin.wireframe import Wireframe
+
+# --- warm fits
+
+
+def bridge_after(way: float) -> tuple[Wireframe, Wireframe, list[np.ndarray]]:
+    """The plan of a bridge, what stands after it sank by ``way`` mm, and masks of that."""
+    plan = named_frame("bridge")
+    real = LeaningPrint(plan, way * np.array([0.5, 0.2, -0.8]))
+    standing = real.lay(np.arange(plan.strut_count), plan)
+    return plan, standing, [(picture > 0).astype(np.float32) for picture in silhouettes(standing, cameras_of(plan))]
+
+
+def test_a_warm_fit_is_as_good_as_a_cold_one() -> None:
+    plan, standing, masks = bridge_after(2.0)
+    errors = {}
+    for warm in (True, False):
+        found = fit_batch(plan, cameras_of(plan), masks, warm=warm)
+        assert found.start == ("warm" if warm else "cold")
+        errors[warm] = evaluate(found.result.twin.control_points, found.result.twin.vertices, standing)
+    assert errors[True].curves.mean <= 1.15 * errors[False].curves.mean < 0.25
+    assert errors[True].joints.mean <= 1.15 * errors[False].joints.mean
+
+
+def test_a_warm_fit_that_goes_astray_is_made_up_for() -> None:
+    plan, standing, masks = bridge_after(18.0)
+    found = fit_batch(plan, cameras_of(plan), masks)
+    assert found.start == "warm, then cold"
+    errors = evaluate(found.result.twin.control_points, found.result.twin.vertices, standing)
+    assert errors.curves.mean < 0.4
+
+
+def test_evidence_tells_struts_that_are_there_from_those_that_are_not() -> None:
+    plan = tower()
+    upper = np.arange(plan.strut_count) >= 12
+    twin = exact_twin(plan)
+    others = plan.subset(upper)[0]
+    cameras = cameras_of(plan)
+    for there in (False, True):
+        shown = plan.replace(printed=~upper | there)
+        masks = [(picture > 0).astype(np.float32) for picture in silhouettes(shown, cameras)]
+        lower = plan.replace(printed=~upper)
+        evidence = Pictures(lower, cameras, masks).evidence(lower, twin, others)
+        seen = evidence.whiteness[np.isfinite(evidence.whiteness)]
+        assert len(seen) > 8 and (seen > 0.8).all() if there else (seen < 0.2).all()
+        assert (evidence.unexplained > 0.3) == there and (evidence.uncovered > 0.3) == there
+        assert evidence.contradicted < 0.08
+
+
+def exact_twin(frame: Wireframe, **changes: np.ndarray) -> Twin:
+    """A twin that says that everything printed is where the frame has it."""
+    printed = frame.printed.astype(float)
+    values = {
+        "control_points": frame.control_points,
+        "vertices": frame.vertices,
+        "thickness": np.repeat(frame.radius[:, None], 20, axis=1),
+        "opacity": np.repeat(printed[:, None], 20, axis=1),
+        "completeness": printed,
+        "confidence": printed,
+        **changes,
+    }
+    return Twin(**values)
+
+
+# --- reasons to stop
+
+
+@pytest.fixture
+def half() -> tuple[Wireframe, PrintSequence]:
+    """The lower level of a tower printed, and a sequence that has the upper one as batch 1, from below."""
+    frame = tower()
+    below = np.arange(24) < 12
+    start = np.where(frame.vertices[frame.edges[:, 0], 2] <= frame.vertices[frame.edges[:, 1], 2], *frame.edges.T)
+    axis = np.tile([0.0, 0.0, 1.0], (24, 1))
+    order = np.array([*range(0, 12, 3), *range(2, 12, 3), *range(1, 12, 3)])  # posts, diagonals, rings
+    struts = np.concatenate([order, order + 12])
+    sequence = PrintSequence(struts, start[struts], axis, (struts >= 12).astype(np.int64))
+    return frame.replace(printed=below), sequence
+
+
+def test_a_good_twin_raises_no_doubt(half: tuple[Wireframe, PrintSequence]) -> None:
+    frame, sequence = half
+    assert guards.doubts_of_starts(frame, exact_twin(frame), sequence, 1, GuardLimits()) == []
+
+
+def test_low_confidence_where_the_next_struts_start(half: tuple[Wireframe, PrintSequence]) -> None:
+    frame, sequence = half
+    confidence = frame.printed.astype(float)
+    joint = int(frame.edges[12, 0])
+    confidence[(frame.edges == joint).any(axis=1)] *= 0.05
+    twin = exact_twin(frame, confidence=confidence)
+    (doubt,) = guards.doubts_of_starts(frame, twin, sequence, 1, GuardLimits())
+    assert doubt.kind == "low-confidence" and "cannot tell where" in doubt.problem and "strut" in doubt.problem
+    one_good = confidence.copy()
+    one_good[np.flatnonzero((frame.edges == joint).any(axis=1) & frame.printed)[0]] = 1.0
+    assert guards.doubts_of_starts(frame, exact_twin(frame, confidence=one_good), sequence, 1, GuardLimits()) == []
+
+
+def test_struts_that_broke_off_at_a_start(half: tuple[Wireframe, PrintSequence]) -> None:
+    frame, sequence = half
+    joint = int(frame.edges[12, 0])
+    opacity = np.repeat(frame.printed.astype(float)[:, None], 20, axis=1)
+    for side, part in ((0, slice(0, 6)), (1, slice(14, 20))):
+        opacity[frame.edges[:, side] == joint, part] = 0.0
+    (doubt,) = guards.doubts_of_starts(frame, exact_twin(frame, opacity=opacity), sequence, 1, GuardLimits())
+    assert doubt.kind == "lost-struts" and "12" in doubt.problem and "not in the pictures" in doubt.problem
+
+
+def test_struts_that_would_start_in_the_air(half: tuple[Wireframe, PrintSequence]) -> None:
+    frame, sequence = half
+    joint = int(frame.edges[12, 0])
+    gone = frame.printed & (frame.edges == joint).any(axis=1)
+    standing = frame.replace(printed=frame.printed & ~gone)
+    hanging = guards.starts_in_the_air(standing, sequence, 1)
+    assert 12 in hanging and set(hanging) <= set(range(12, 24))
+    again = laid_again(sequence, np.flatnonzero(gone), 0)
+    assert len(guards.starts_in_the_air(standing, again, 1)) == 0
+    assert set(again.in_batch(1).struts[: gone.sum()]) == set(np.flatnonzero(gone))
+
+
+def test_a_batch_of_which_nothing_is_left_cannot_be_laid_again(half: tuple[Wireframe, PrintSequence]) -> None:
+    _, sequence = half
+    with pytest.raises(InputError, match="every strut of batch 0 is lost"):
+        laid_again(sequence, np.arange(12), 0)
+
+
+def test_what_is_lost_in_the_last_batch_makes_one_more(half: tuple[Wireframe, PrintSequence]) -> None:
+    _, sequence = half
+    again = laid_again(sequence, np.array([14, 3]), 1)
+    assert again.batch_count == 3 and again.in_batch(2).struts.tolist() == [3, 14]  # as they were laid before
+    assert np.array_equal(np.sort(again.struts), np.arange(24))
+
+
+def test_joints_that_went_too_far_and_pictures_that_are_not_explained(half: tuple[Wireframe, PrintSequence]) -> None:
+    frame, sequence = half
+    expected = Expectation(0, sequence, frame)
+    cameras = cameras_of(frame)
+    masks = [(picture > 0).astype(np.float32) for picture in silhouettes(frame, cameras)]
+    pictures = Pictures(frame, cameras, masks)
+
+    def kinds(shift: float) -> list[str]:
+        vertices = frame.vertices + np.where(frame.vertices[:, 2:] > 0.0, [shift, 0.0, 0.0], 0.0)
+        curves = frame.control_points + np.where(frame.control_points[..., 2:] > 0.0, [shift, 0.0, 0.0], 0.0)
+        twin = exact_twin(frame, vertices=vertices, control_points=curves)
+        moved = frame.replace(vertices=vertices, control_points=curves)
+        evidence = pictures.evidence(frame, twin)
+        return [doubt.kind for doubt in guards.doubts_of_twin(expected, twin, moved, evidence, GuardLimits())]
+
+    assert kinds(0.0) == []
+    assert kinds(6.0) == ["poor-fit"]
+    assert kinds(25.0) == ["poor-fit", "displacement"]
+
+
+def test_a_print_of_which_much_is_gone_has_collapsed(half: tuple[Wireframe, PrintSequence]) -> None:
+    frame, sequence = half
+    whole = frame.replace(printed=np.ones(24, dtype=bool))
+    standing = whole.replace(printed=np.arange(24) >= 6)
+    evidence = Evidence(0.0, 0.0, 0.0, np.zeros(0))
+    doubts = guards.doubts_of_twin(
+        Expectation(1, sequence, whole), exact_twin(whole), standing, evidence, GuardLimits()
+    )
+    assert [doubt.kind for doubt in doubts] == ["collapsed"] and "6 of 12 struts" in doubts[0].problem
+
+
+# --- watching
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Job:
+    return small_job(tmp_path / "job", tower(), formats=("json",))
+
+
+class Hand:
+    """Puts captures into a folder, a bit at every look of the watch, and prints when the job asks for it."""
+
+    def __init__(self, job: Job, folder: Path) -> None:
+        self.job, self.real, self.folder = job, LeaningPrint(job.design), folder
+        self.said: list[str] = []
+        self.looks = 0
+        self.steps = self.work()
+
+    def __call__(self, progress: Progress) -> bool:
+        if progress.stage == "waiting for pictures":
+            self.looks += 1
+            assert self.looks < 200, self.said
+            return next(self.steps, True)
+        return True
+
+    def work(self) -> Iterator[bool]:
+        while (batch := self.job.current) is not None:
+            standing = print_batch(self.job, self.real)
+            yield from self.put(f"{batch:03d}", self.real.take(self.folder.parent / f"hidden_{batch}", standing))
+            while self.job.current == batch:
+                yield True
+
+    def put(self, name: str, whole: Path) -> Iterator[bool]:
+        """Copy a capture piece by piece, the last picture in two parts."""
+        target = self.folder / name
+        (target / "images").mkdir(parents=True)
+        yield True
+        text = (whole / "transforms.json").read_text()
+        (target / "transforms.json").write_text(text[: len(text) // 2])
+        yield True
+        (target / "transforms.json").write_text(text)
+        yield True
+        pictures = sorted((whole / "images").iterdir())
+        for picture in pictures[:-1]:
+            shutil.copy(picture, target / "images")
+        yield True
+        data = pictures[-1].read_bytes()
+        (target / "images" / pictures[-1].name).write_bytes(data[:40])
+        yield True
+        yield True
+        (target / "images" / pictures[-1].name).write_bytes(data)
+        yield True
+
+
+def watch(job: Job, folder: Path, hand: Hand) -> list[dict]:
+    return Watch(job, folder, say=hand.said.append, progress=hand, poll=0.0).run()
+
+
+def test_the_watch_answers_folders_as_they_become_whole(job: Job, tmp_path: Path) -> None:
+    captures = tmp_path / "captures"
+    captures.mkdir()
+    hand = Hand(job, captures)
+    reports = watch(job, captures, hand)
+    assert [report["batch"] for report in reports] == list(range(job.file.batches))
+    assert job.current is None and hand.said[-1].startswith("The print is finished")
+    text = "\n".join(hand.said)
+    for words in (
+        "000 still lacks transforms.json", "000 still lacks a whole transforms.json",
+        "000 still lacks images/camera_00.png", "000 still lacks images/camera_04.png", "000 is still growing",
+        "picture is cut short", "000 answers batch 0.", "Waiting for the pictures of batch 1 of 3",
+    ):  # fmt: skip
+        assert words in text, words
+
+
+def test_the_watch_passes_over_bad_folders_and_goes_on_later(job: Job, tmp_path: Path) -> None:
+    captures = tmp_path / "captures"
+    captures.mkdir()
+    (captures / ".hidden").mkdir()
+    (captures / "notes.txt").write_text("nothing")
+    hand = Hand(job, captures)
+
+    def steps() -> Iterator[bool]:
+        first = hand.real.take(captures / "a", print_batch(job, hand.real))
+        while job.current == 0:
+            yield True
+        shutil.copytree(first, captures / "b")  # the same pictures again: passed over without a word
+        for _ in range(4):
+            yield True
+        hand.real.vertices += [0.4, 0.0, 0.0]
+        hand.real.take(captures / "c")  # nothing new printed
+        while "Not printing on" not in hand.said[-1]:
+            yield True
+        for _ in range(3):
+            yield True
+        yield False
+
+    hand.steps = steps()
+    with pytest.raises(Cancelled):
+        watch(job, captures, hand)
+    assert job.current == 1
+    refused = [sentence for sentence in hand.said if "Not printing on" in sentence]
+    assert len(refused) == 1 and "wrong-batch" in refused[0] and str(captures / "c") in refused[0]
+    again = Hand(job, captures)
+    again.real = hand.real
+    shutil.rmtree(captures / "c")
+    again.steps = again.work()
+    watch(Job(job.folder), captures, again)
+    assert Job(job.folder).current is None
+
+
+def test_the_watch_needs_a_folder_of_captures(job: Job, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        Watch(job, tmp_path / "nowhere").run()
+    real = LeaningPrint(job.design)
+    capture = real.take(tmp_path / "capture", print_batch(job, real))
+    with pytest.raises(InputError, match="is itself a capture"):
+        Watch(job, capture).run()
+
+
+# --- the simulation
+
+
+def options(seed: int = 0, adapt: bool = True, **more: object) -> SimulationOptions:
+    plan = PlanOptions(batch_size=20, allow_contact=True, adapt=adapt, formats=("json",))
+    return SimulationOptions(plan=plan, rig=Rig(5, (300, 400)), seed=seed, **more)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
+    folder = tmp_path_factory.mktemp("simulated") / "job"
+    done = simulate_print(folder, named_frame("bridge"), options(seed=1))
+    draw_print(folder / "print.png", done)
+    return folder, done.as_dict()
+
+
+def test_a_simulation_is_a_job_with_what_really_stands(simulated: tuple[Path, dict]) -> None:
+    folder, told = simulated
+    job = Job(folder)
+    laid = len(told["e_max"])
+    assert {len(told[key]) for key in ("attached", "lost", "printing_seconds")} == {laid}
+    assert told["adapted"] and told["struts"] == 76
+    for batch in range(job.answered):
+        truth = frame_json.read(job.batch_folder(batch) / "truth.json")
+        outcome = read_json(job.batch_folder(batch) / "outcome.json")
+        assert len(outcome["attached"]) == told["attached"][batch]
+        twin = read_twin(job.batch_folder(batch) / "run")
+        both = truth.replace(printed=truth.printed & job.adapted(batch).printed)
+        assert evaluate(twin.control_points, twin.vertices, both).curves.mean < 0.4
+        assert not (job.batch_folder(batch) / "capture" / "truth.json").exists()
+    width, height = image_size(folder / "print.png")
+    assert width > 1500 and height > 600
+
+
+def test_a_simulation_that_was_stopped_goes_on_to_the_same_end(simulated: tuple[Path, dict], tmp_path: Path) -> None:
+    _, whole = simulated
+    folder, frame = tmp_path / "job", named_frame("bridge")
+    with pytest.raises(Cancelled):
+        simulate_print(folder, frame, options(seed=1), progress=lambda p: (p.stage, p.iteration) != ("printing", 2))
+    assert Job(folder).answered == 2
+    with pytest.raises(Cancelled):
+        simulate_print(folder, frame, options(seed=1), progress=lambda p: p.stage != "joints and struts")
+    assert Job(folder).answered == 2
+    again = simulate_print(folder, frame, options(seed=1)).as_dict()
+    assert again["attached"] == whole["attached"] and again["lost"] == whole["lost"]
+    assert again["e_max"] == pytest.approx(whole["e_max"], abs=0.05)
+    with pytest.raises(InputError, match="holds another simulation"):
+        simulate_print(folder, frame, options(seed=2))
+
+
+def test_without_adaptation_the_plan_stays_the_design(tmp_path: Path) -> None:
+    frame = named_frame("bridge")
+    done = simulate_print(tmp_path / "job", frame, options(adapt=False))
+    job = done.job
+    assert set(done.twin_seconds) == {0.0} and not done.as_dict()["adapted"]
+    for batch in range(job.answered):
+        assert np.array_equal(job.adapted(batch).control_points, frame.control_points)
+        assert not (job.batch_folder(batch) / "run").exists()
+
+
+def test_twins_can_be_had_without_adaptation(tmp_path: Path) -> None:
+    done = simulate_print(tmp_path / "job", tower(), dataclasses.replace(options(adapt=False), fit=True))
+    twin = read_twin(done.job.batch_folder(0) / "run")
+    assert twin.completeness[done.job.expectation(0).laid].mean() > 0.5 and done.twin_seconds[0] > 0.0
+
+
+def test_blender_is_needed_for_its_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("frametwin.printing.simulated_pictures.blender_is_here", lambda: False)
+    wanted = dataclasses.replace(options(), rig=Rig(render="mask"))
+    with pytest.raises(InputError, match="bpy"):
+        simulate_print(tmp_path / "job", tower(), wanted)
+    assert not (tmp_path / "job").exists()
