@@ -21,7 +21,7 @@ from frametwin.printing import guards
 from frametwin.printing import job_files as files
 from frametwin.printing.adapt import adapt, lost_struts
 from frametwin.printing.batch_capture import BatchCapture, take_capture
-from frametwin.printing.batch_fit import BatchFit, fit_batch
+from frametwin.printing.batch_fit import BatchFit, cropped, fit_batch
 from frametwin.printing.compensation import Observation, SagForecast, compensate
 from frametwin.printing.evidence import Evidence, Pictures
 from frametwin.printing.guards import Doubt, Expectation, hold
@@ -194,10 +194,10 @@ def answer_batch(
 def _find(taken: BatchCapture, step: Step, options: AnswerOptions, progress: ProgressCallback | None) -> _Found:
     """Read the pictures, find the twin, and move what is still to come."""
     laps = [perf_counter()]
-    masks = taken.masks(progress)
-    cameras = [view.camera.without_distortion() for view in taken.capture.views]
-    laps.append(perf_counter())
     frame = step.expected.frame
+    whole = [view.camera.without_distortion() for view in taken.capture.views]
+    cameras, masks = cropped(frame, whole, taken.masks(progress))
+    laps.append(perf_counter())
     fit = fit_batch(frame, cameras, masks, warm=options.warm, progress=progress)
     result = _described(fit, taken)
     laps.append(perf_counter())

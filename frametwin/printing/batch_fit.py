@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
@@ -21,15 +21,23 @@ from frametwin.progress import ProgressCallback
 from frametwin.wireframe import Wireframe
 
 WARM: dict[str, Any] = {
-    "refine": (Stage(0.9, 1.0, 2, 4, 0.12, 0.4), Stage(1.8, 0.7, 3, 6, 0.04, 0.12, 1.5)),
+    "refine": (
+        Stage(0.9, 1.5, 3, 4, 0.12, 1.2),
+        Stage(0.9, 1.0, 2, 4, 0.12, 0.4),
+        Stage(1.8, 0.7, 3, 6, 0.04, 0.12, 1.5),
+    ),
     "finish": (Stage(3.6, 0.4, 2, 8, 0.02, 0.08, 1.5, 0.7), Stage(8.0, 0.3, 2, 8, 0.01, 0.04, 1.5, 0.6)),
 }
-"""What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a radius or two of
-where it starts, so the coarse stages fall away and fewer sizes of pictures do. The last stages are those of ``fast``
-with a step less, at the same error."""
+"""What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a few radii of where
+it starts, so that one more blurred stage does for the coarse ones, and the last ones take a step less. The error is the
+same. Without the first stage, joints that moved by more than about four radii would be lost."""
 
-ASTRAY = 0.3
-"""A warm fit is doubted where so much of a typical strut's white lies beside the twin; whole prints have 0.00."""
+ASTRAY = 1.0
+"""A warm fit is doubted where the white of so many typical struts lies beside the twin. Whole prints have 0.0, and
+struts that hang free at one end, which no twin can have, about 0.1 each."""
+
+ROOM = 32
+"""Pixels around what is looked at: struts and blurred pictures reach a little beyond their centrelines."""
 
 CONTRADICTED = 0.1
 """Or where so much of the twin lies on black; whole prints have 0.02 to 0.05."""
@@ -81,6 +89,7 @@ def fit_batch(
         If ``progress`` returns ``False``.
     """
     began = perf_counter()
+    cameras, masks = cropped(expected, cameras, masks)
     # The matrices are small: threads of the linear algebra would wait for those of the splatter, and these for them.
     with threadpool_limits(limits=1, user_api="blas"):
         if not warm:
@@ -107,3 +116,35 @@ def _merit(pictures: Pictures, expected: Wireframe, result: FitResult) -> float:
     """Least for the twin that explains the pictures best and with the fewest struts missing."""
     missing = len(lost_struts(expected, result.twin)) / int(expected.printed.sum())
     return pictures.evidence(expected, result.twin).mismatch + missing
+
+
+def cropped(
+    frame: Wireframe, cameras: Sequence[Camera], masks: Sequence[np.ndarray]
+) -> tuple[list[Camera], list[np.ndarray]]:
+    """Views cut to what is white in them and where the printed struts should be seen, with some room.
+
+    The pictures show all of the frame to be, and most of them are empty for most of the print.
+
+    Parameters
+    ----------
+    frame
+        What is printed of it counts.
+    cameras, masks
+        Cameras without distortion, and (H, W) masks of their sizes.
+    """
+    points = frame.control_points[frame.printed].reshape(-1, 3)
+    views = []
+    for camera, mask in zip(cameras, masks, strict=True):
+        pixels, depth = camera.project(points)
+        corners = [pixels[depth > 0.0].reshape(-1, 2)]
+        rows, columns = (np.flatnonzero((mask > 0.0).any(axis=axis)) for axis in (1, 0))
+        if len(rows):
+            corners.append(np.array([[columns[0], rows[0]], [columns[-1] + 1, rows[-1] + 1]], dtype=np.float64))
+        extent = np.concatenate(corners)
+        size = np.array([camera.width, camera.height])
+        low = np.clip(np.floor(extent.min(axis=0, initial=size.max())) - ROOM, 0, size - 1).astype(int)
+        high = np.clip(np.ceil(extent.max(axis=0, initial=0.0)) + ROOM, low + 1, size).astype(int)
+        (left, top), (right, bottom) = low.tolist(), high.tolist()
+        part = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
+        views.append((part, np.ascontiguousarray(mask[top:bottom, left:right])))
+    return [part for part, _ in views], [mask for _, mask in views]
