@@ -103,16 +103,15 @@ def test_every_file_of_a_batch_is_there_and_readable(job: Job, real: LeaningPrin
     assert not any(path.name.endswith(".part") for path in job.folder.rglob("*"))
 
 
-def test_compensation_aims_what_is_to_come_elsewhere(tmp_path: Path) -> None:
-    plans = []
-    for compensate in (False, True):
-        job = small_job(tmp_path / f"job{compensate}", tower(3), batch_size=8, compensate=compensate)
-        advance(job, LeaningPrint(job.design, np.array([0.0, 0.0, -3.0])), tmp_path / str(compensate), 2)
-        plans.append(job.plan(2))
-    standing = plans[0].printed_vertices()
-    aimed = (plans[1].vertices - plans[0].vertices)[~standing]
-    assert np.abs(plans[1].vertices - plans[0].vertices)[standing].max() < 0.3  # met where it was seen, as ever
-    assert len(aimed) and (aimed[:, 2] > 0.2).all()  # above where it sinks
+def test_compensation_aims_what_is_to_come_above_where_it_sinks(tmp_path: Path) -> None:
+    job = small_job(tmp_path / "job", tower(3), batch_size=8, compensate=True)
+    real = LeaningPrint(job.design, np.array([0.0, 0.0, -3.0]))
+    advance(job, real, tmp_path, 2)
+    plan = job.plan(2)
+    standing = plan.printed_vertices()
+    assert np.abs(plan.vertices - real.vertices)[standing].max() < 0.6  # met where it was seen, as ever
+    aimed = (plan.vertices - job.design.vertices)[~standing]
+    assert len(aimed) and (aimed[:, 2] > 0.2).all()
 
 
 # --- what is refused, with nothing changed
