@@ -115,7 +115,8 @@ def test_an_order_that_is_given_is_kept(frame: Path, tmp_path: Path) -> None:
     first = tmp_path / "first"
     plan(frame, first)
     second = tmp_path / "second"
-    plan(frame, second, "--order", str(first / "sequence.json"))
+    order = ("--order", first / "sequence.json", "--allow-contact", "--quiet")
+    done("print", "plan", frame, "--out", second, *order)
     kept = ("struts", "start", "batch")
     assert [read_json(first / "sequence.json")[key] for key in kept] == [
         read_json(second / "sequence.json")[key] for key in kept

@@ -23,7 +23,7 @@ from frametwin.printing.batch_fit import fit_batch
 from frametwin.printing.evidence import Evidence, Pictures
 from frametwin.printing.guards import Expectation, GuardLimits
 from frametwin.printing.job import Job
-from frametwin.printing.plan_job import PlanOptions
+from frametwin.printing.plan_job import PlanOptions, cut_batches, plan_order
 from frametwin.printing.requeue import laid_again
 from frametwin.printing.sequence import PrintSequence
 from frametwin.printing.simulate import SimulationOptions, draw_print, simulate_print
@@ -94,6 +94,25 @@ def exact_twin(frame: Wireframe, **changes: np.ndarray) -> Twin:
         **changes,
     }
     return Twin(**values)
+
+
+# --- the plan
+
+
+def test_given_batches_are_cut_and_their_order_is_kept(half: tuple[Wireframe, PrintSequence]) -> None:
+    _, sequence = half
+    fine = cut_batches(sequence, 5)
+    assert np.bincount(fine.batch).tolist() == [4, 4, 4, 4, 4, 4] and np.array_equal(fine.struts, sequence.struts)
+    assert np.array_equal(cut_batches(sequence, 12).batch, sequence.batch)
+
+
+def test_the_order_of_a_frames_batches_is_kept_and_looked_at_more_often() -> None:
+    frame = named_frame("bridge")
+    assert np.bincount(frame.batch).max() == 20
+    for size, most in ((None, 8), (20, 20), (5, 5)):
+        sequence = plan_order(frame, PlanOptions(batch_size=size, allow_contact=True))
+        assert np.bincount(sequence.batch).max() <= most
+        assert (np.diff(frame.batch[sequence.struts]) >= 0).all()
 
 
 # --- reasons to stop

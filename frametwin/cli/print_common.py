@@ -87,7 +87,7 @@ def order_options(function: Function) -> Function:
             click.option(
                 "--batch-size",
                 type=click.IntRange(1),
-                help="Struts between two looks of the cameras, about.  [default: suits the frame]",
+                help="Struts between two looks of the cameras, about.  [default: a tenth of all]",
             ),
             click.option(
                 "--max-tilt",

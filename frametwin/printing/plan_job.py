@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -35,7 +35,7 @@ class PlanOptions:
     Attributes
     ----------
     batch_size
-        Struts between two looks of the cameras, about; ``None`` for ten batches.
+        Struts between two looks of the cameras, about; ``None`` for a tenth of all.
     max_tilt_deg
         How far the tool may lean; 0 for machines of three axes.
     allow_contact
@@ -141,7 +141,7 @@ def plan_job(
     folder
         The job to be.
     frame
-        The design; what is marked as printed plays no part. Its batches, if it has more than one, are kept.
+        The design; what is marked as printed plays no part. The order of its batches, if it has more than one, is kept.
     options
         See `PlanOptions`.
     order
@@ -169,6 +169,21 @@ def plan_job(
 def plan_order(
     frame: Wireframe, options: PlanOptions, order: PathLike | None = None, progress: ProgressCallback | None = None
 ) -> PrintSequence:
-    """The order in which a frame is printed: a given one, the frame's own batches, or one that is searched for."""
+    """The order in which a frame is printed: a given one, the frame's own batches, or one that is searched for.
+
+    The frame's own batches, which may be long layers, are cut into even parts of at most ``batch_size`` struts, or the
+    usual size; those of a file only where ``batch_size`` says so.
+    """
     given: GivenOrder | None = order_of_frame(frame) if order is None else read_given_order(order, frame)
-    return plan_sequence(frame, options.order(frame), given, progress)
+    sequence = plan_sequence(frame, options.order(frame), given, progress)
+    if given is None or given.batch is None or (order is not None and options.batch_size is None):
+        return sequence
+    return cut_batches(sequence, options.order(frame).batch_size_for(frame))
+
+
+def cut_batches(sequence: PrintSequence, most: int) -> PrintSequence:
+    """The same order with batches of more than ``most`` struts cut into parts of nearly equal size."""
+    sizes = np.bincount(sequence.batch)
+    parts = [part for size in sizes for part in np.array_split(np.arange(size), -(-size // most))]
+    numbers = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    return replace(sequence, batch=numbers, source="sequence")
