@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from frametwin.beams import factorise
 from frametwin.printing.material import PrintSettings
 from frametwin.printing.sequence import PrintSequence
 from frametwin.stiffness import FrameBeams
@@ -48,7 +49,6 @@ def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSett
     -------
     (B, V, 3, K) mm, zero for joints that are not there yet.
     """
-    weight = own_weight(design, settings)
     seconds = float(np.mean(settings.seconds))
     laid = np.zeros(design.strut_count, dtype=bool)
     laid_at = np.zeros(design.strut_count)
@@ -62,17 +62,31 @@ def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSett
             clock += seconds * len(group) + (settings.pause if number == len(groups) else 0.0)
             stiffness = np.ones(design.strut_count)
             stiffness[laid] = stiffness_between(settings, laid_at[laid], before, clock)
-            for k, pull in enumerate(pulls):
-                beams = FrameBeams.build(
-                    design.replace(printed=laid),
-                    stiffness,
-                    axial_scale=settings.axial * stiffness,
-                    material=settings.material,
-                    load=weight[:, None] * pull,
-                    pieces=settings.pieces,
-                )
-                drift[batch, :, :, k] += beams.solve()[:, :3]
+            drift[batch] += _creep(design.replace(printed=laid), stiffness, pulls, settings)
     return drift
+
+
+def _creep(frame: Wireframe, stiffness: np.ndarray, pulls: np.ndarray, settings: PrintSettings) -> np.ndarray:
+    """(V, 3, K) mm that the joints of the printed struts move, for each of the pulls (K, 3)."""
+    weight, axial = own_weight(frame, settings), settings.axial * stiffness
+    parts = [
+        FrameBeams.build(
+            frame,
+            stiffness,
+            axial_scale=axial,
+            material=settings.material,
+            load=weight[:, None] * pull,
+            pieces=settings.pieces,
+        )
+        for pull in pulls
+    ]
+    matrix = parts[0].stiffness()
+    free = np.repeat(~frame.grounded, 6) & (matrix.diagonal() > 0.0)
+    moved = np.zeros((6 * frame.vertex_count, len(pulls)))
+    if free.any():
+        loads = np.stack([part.loads().ravel() for part in parts], axis=1)
+        moved[free] = factorise(matrix[free][:, free].tocsc()).solve(loads[free])
+    return moved.reshape(frame.vertex_count, 6, -1)[:, :3]
 
 
 def stiffness_between(
