@@ -240,7 +240,7 @@ class FrameTwinPrint(bpy.types.PropertyGroup):
         ),
     )
     batch_size: IntProperty(  # type: ignore[valid-type]
-        name="Batch Size", min=0, description="Struts between two looks of the cameras, about; 0 for ten batches"
+        name="Batch Size", min=0, description="Struts between two looks of the cameras, about; 0: a twentieth of all"
     )
 
 
