@@ -13,7 +13,14 @@ from frametwin.cameras import Camera
 from frametwin.fit.confidence import confidence, standard_deviation
 from frametwin.fit.elastic import ElasticFrame
 from frametwin.fit.motion import as_rods, start_pose
-from frametwin.fit.presence import THICKEST, THINNEST, learn_thickness, seen_opacity, strut_whiteness
+from frametwin.fit.presence import (
+    THICKEST,
+    THINNEST,
+    learn_thickness,
+    seen_opacity,
+    strut_whiteness,
+    without_gaps,
+)
 from frametwin.raster.pyramid import Level, Pyramid
 from frametwin.raster.rods import gauss_newton
 from frametwin.raster.silhouette import silhouettes
@@ -171,3 +178,10 @@ def test_larger_pictures_tell_more() -> None:
         standard_deviation(elastic, gauss_newton(of_frame(frame, 6), level_of(c, 1.0)))[0] for c in (small, large)
     ]
     assert deviation[1] == pytest.approx(deviation[0] * 2.0**-1.5, rel=0.05)
+
+
+def test_single_dark_pieces_are_no_gaps() -> None:
+    opacity = np.array([[0.1, 1, 1, 0.2, 1, 1], [1, 1, 0.1, 0.2, 1, 0.3], [0.0] * 6])
+    expected = [[1, 1, 1, 1, 1, 1], [1, 1, 0, 0, 1, 1], [0] * 6]
+    np.testing.assert_array_equal(without_gaps(opacity, 0.5), expected)
+    np.testing.assert_array_equal(without_gaps(np.array([[0.4], [0.6]]), 0.5), [[0], [1]])

@@ -216,7 +216,7 @@ class _Run:
         if self.settings.learn_opacity:
             level, _ = self._level(stage.detail, stage.blur)
             opacity, _ = presence.seen_opacity(as_rods(self.elastic, self.pose, stage.pieces), level)
-            self.pose = replace(self.pose, opacity=np.where(opacity < self.settings.absent, 0.0, 1.0))
+            self.pose = replace(self.pose, opacity=presence.without_gaps(opacity, self.settings.absent))
 
     def _astray(self, stage: Stage) -> np.ndarray:
         level, _ = self._level(stage.detail, stage.blur)

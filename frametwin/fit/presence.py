@@ -41,6 +41,21 @@ def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
     return np.where(weight > needed, opacity, strut[:, None]), weight
 
 
+def without_gaps(opacity: np.ndarray, absent: float) -> np.ndarray:
+    """(E, P) 1 where a piece is there and 0 in gaps: two or more pieces in a row that are less opaque than ``absent``.
+
+    Single pieces look dark where they are not yet in their place, the end of a short strut above all. Were they left
+    out, nothing would pull them there, and their joint would have no disc to be placed by.
+    """
+    dark = opacity < absent
+    if opacity.shape[1] == 1:
+        return np.where(dark, 0.0, 1.0)
+    beside = np.zeros_like(dark)
+    beside[:, 1:] |= dark[:, :-1]
+    beside[:, :-1] |= dark[:, 1:]
+    return np.where(dark & beside, 0.0, 1.0)
+
+
 def strut_whiteness(drawn: Rods, level: Level) -> np.ndarray:
     """(E,) share of each strut's pixels in plain view that are white."""
     opacity, weight = seen_opacity(drawn, level)
