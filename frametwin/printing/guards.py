@@ -21,6 +21,9 @@ from frametwin.wireframe import Wireframe
 KINDS = ("old-capture", "wrong-batch", "collapsed", "poor-fit", "displacement", "lost-struts", "low-confidence")
 """Why a job may stop; each can be accepted by name."""
 
+NEAR_SHARE, NEAR_RADII = 0.15, 1.5
+"""A strut is seen at its joint if any of it is within this share of its length of the joint, or this many radii."""
+
 
 @dataclass(frozen=True)
 class GuardLimits:
@@ -314,10 +317,14 @@ def starts_in_the_air(standing: Wireframe, sequence: PrintSequence, batch: int) 
 def _joints(adapted: Wireframe, twin: Twin, limits: GuardLimits) -> tuple[np.ndarray, np.ndarray]:
     """(V,) joints at which a standing strut is seen, and those whose place the views tell."""
     there, known = (np.zeros(adapted.vertex_count, dtype=bool) for _ in range(2))
-    near = max(1, round(0.15 * twin.opacity.shape[1]))
+    kernels = twin.opacity.shape[1]
+    # Within a radius or two of a joint, its disc is what is seen, not the ends of the struts that meet there.
+    near = np.clip(np.maximum(NEAR_SHARE, NEAR_RADII * adapted.radius / adapted.lengths), 1.0 / kernels, 1.0)
+    along = (np.arange(kernels) + 0.5) / kernels
     sure = adapted.printed & (twin.confidence >= limits.confidence)
-    for side, part in ((0, slice(None, near)), (1, slice(-near, None))):
-        seen = adapted.printed & (twin.opacity[:, part] >= DARK).any(axis=1)
+    for side, place in ((0, along), (1, 1.0 - along)):
+        close = place[None, :] <= near[:, None]
+        seen = adapted.printed & ((twin.opacity >= DARK) & close).any(axis=1)
         there[adapted.edges[seen, side]] = True
         known[adapted.edges[seen & sure, side]] = True
     return there, known
