@@ -114,7 +114,11 @@ def loop_options(function: Function) -> Function:
     for option in reversed(
         (
             click.option("--compensate", is_flag=True, help="Print against the sag that is still to come."),
-            click.option("--reprint", is_flag=True, help="Lay lost struts again at the start of the next batch."),
+            click.option(
+                "--reprint/--no-reprint",
+                default=None,
+                help="Lay lost struts again at the start of the next batch.  [default: in simulations that adapt]",
+            ),
         )
     ):
         function = option(function)

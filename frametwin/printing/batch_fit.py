@@ -24,13 +24,14 @@ WARM: dict[str, Any] = {
     "refine": (
         Stage(0.9, 1.5, 3, 4, 0.12, 1.2),
         Stage(0.9, 1.0, 2, 4, 0.12, 0.4),
-        Stage(1.8, 0.7, 3, 6, 0.04, 0.12, 1.5),
+        Stage(1.8, 0.7, 2, 6, 0.04, 0.12, 1.5),
     ),
-    "finish": (Stage(3.6, 0.4, 2, 8, 0.02, 0.08, 1.5, 0.7), Stage(8.0, 0.3, 2, 8, 0.01, 0.04, 1.5, 0.6)),
+    "finish": (Stage(3.6, 0.4, 3, 8, 0.005, 0.08, 1.5, 0.7), Stage(8.0, 0.3, 2, 8, 0.002, 0.04, 1.5, 0.6)),
 }
 """What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a few radii of where
-it starts, so that one more blurred stage does for the coarse ones, and the last ones take a step less. The error is the
-same. Without the first stage, joints that moved by more than about four radii would be lost."""
+it starts, so that one more blurred stage does for the coarse ones, and fewer steps do. The error is the same. The last
+stages pull less towards the start, which is no smooth motion of the frame here but the plan. Without the first stage,
+joints that moved by more than about four radii would be lost."""
 
 ASTRAY = 1.0
 """A warm fit is doubted where the white of so many typical struts lies beside the twin. Whole prints have 0.0, and
