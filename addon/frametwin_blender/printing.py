@@ -40,7 +40,9 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
     def job(place: int) -> Job:
         mode = modes[place]
         out = taken.with_name(f"print-{number + place:03d}")
-        wanted = {"plan": {**plan, "adapt": mode != "blind", "compensate": mode == "compensate"}, "seed": settings.seed}
+        adapt = mode != "blind"
+        steered = {"adapt": adapt, "reprint": adapt, "compensate": mode == "compensate"}
+        wanted = {"plan": {**plan, **steered}, "seed": settings.seed}
 
         def finish(found):
             answer, history = found

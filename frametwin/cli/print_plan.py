@@ -77,9 +77,9 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     from frametwin.printing.summaries import plan_summary
 
     order, base = settings.pop("order"), read_base(settings.pop("base"))
-    speed = settings.pop("speed")
+    speed, reprint = settings.pop("speed"), bool(settings.pop("reprint"))
     waypoints = {} if speed is None else {"speed": speed}
-    options = PlanOptions(**split_nozzle(settings), base=base, waypoints=waypoints)
+    options = PlanOptions(**split_nozzle(settings), base=base, waypoints=waypoints, reprint=reprint)
     with Display(quiet) as display:
         job = plan_job(out, plan, options, order=order, overwrite=overwrite, progress=display)
     data = plan_summary(job)

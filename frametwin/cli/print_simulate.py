@@ -79,7 +79,7 @@ class SimulateOptions:
     out: Path
     adapt: bool
     compensate: bool
-    reprint: bool
+    reprint: bool | None
     seed: int
     render: str
     views: int
@@ -101,8 +101,13 @@ class SimulateOptions:
     @property
     def plan(self) -> dict[str, Any]:
         """Fields of `frametwin.printing.plan_job.PlanOptions`."""
-        names = ("adapt", "compensate", "reprint", "batch_size", "max_tilt_deg", *NOZZLE)
-        return {**split_nozzle({name: getattr(self, name) for name in names}), "allow_contact": True}
+        names = ("adapt", "compensate", "batch_size", "max_tilt_deg", *NOZZLE)
+        reprint = self.adapt if self.reprint is None else self.reprint
+        return {
+            **split_nozzle({name: getattr(self, name) for name in names}),
+            "reprint": reprint,
+            "allow_contact": True,
+        }
 
 
 def _simulate(options: SimulateOptions) -> None:
