@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from frametwin import __version__, bezier
 from frametwin import twin as twin_files
@@ -222,7 +223,8 @@ def _fit_fast(
     warm = None if start is None else _moved_by(printed, start)
     found = fit_fast(printed, cameras, masks, settings, callback, warm)
     began = perf_counter()
-    field = field_through(printed, found.control_points, settings.field_cells, found.confidence)
+    with threadpool_limits(limits=1, user_api="blas"):  # small matrices: other threads would only be in the way
+        field = field_through(printed, found.control_points, settings.field_cells, found.confidence)
     return _Part(
         control_points=found.control_points,
         vertices=found.vertices,
