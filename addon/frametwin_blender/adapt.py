@@ -9,6 +9,7 @@ import bpy
 from frametwin.blender.adapted import find_adapted, show_adapted_steps
 from frametwin.blender.curves import wireframe_from_curve
 from frametwin.blender.exports import export_curve
+from frametwin.blender.keeping import keep
 from frametwin.blender.runner import Job
 from frametwin.blender.twins import find_twin
 from frametwin.errors import InputError
@@ -16,7 +17,7 @@ from frametwin.errors import InputError
 from . import session
 from .fit import start_run
 from .preferences import python_worker, worker_kind
-from .steps import FileStep, Panel, Step, draw_progress, is_free, needs, twin_of, write_text
+from .steps import Panel, SaveStep, Step, draw_progress, draw_shown, is_free, needs, twin_of, write_text
 
 TITLE = "Adapt"
 
@@ -29,14 +30,15 @@ def adapt_job(context: bpy.types.Context) -> Job:
     FrameTwinError
         If the twin has no run folder, or nothing is left to print.
     """
-    collection, scene = twin_of(context), context.scene
+    collection = twin_of(context)
+    collection_now, scene_now = keep(collection), keep(context.scene)
     frame = wireframe_from_curve(find_twin(collection).plan, evaluated=False)
     if frame.printed.all():
         remedy = "fit a capture in which struts are still to be printed (Deform > Printed)"
         raise InputError.at(frame.name, "printed", "all struts are printed, so nothing is left to adapt", remedy)
 
     def finish(answer):
-        yield from show_adapted_steps(frame, answer, collection, scene)
+        yield from show_adapted_steps(frame, answer, collection_now(), scene_now())
         return (
             f"{answer['moved']} of {len(answer['struts'])} struts to print are moved,"
             f" by {answer['largest_displacement']:.3g} mm at most"
@@ -67,7 +69,7 @@ class FRAMETWIN_OT_adapt(Step, bpy.types.Operator):
         session.start(adapt_job(context))
 
 
-class FRAMETWIN_OT_export_adapted(FileStep, bpy.types.Operator):
+class FRAMETWIN_OT_export_adapted(SaveStep, bpy.types.Operator):
     """Write the struts that are still to be printed, as they shall be: a frame file (.json) or lines (.obj)"""
 
     bl_idname = "frametwin.export_adapted"
@@ -76,6 +78,10 @@ class FRAMETWIN_OT_export_adapted(FileStep, bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.json;*.obj", options={"HIDDEN"})  # type: ignore[valid-type]
+    check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
+
+    def default_name(self, context):
+        return find_adapted(twin_of(context)).after.name
 
     @classmethod
     def poll(cls, context):
@@ -104,9 +110,7 @@ class FRAMETWIN_PT_adapt(Panel, bpy.types.Panel):
             layout.operator("frametwin.adapt", icon="MOD_CURVE")
         adapted = find_adapted(twin)
         if adapted is not None:
-            row = layout.row(align=True)
-            row.prop(adapted.before, "hide_viewport", text="Planned", toggle=True, invert_checkbox=True)
-            row.prop(adapted.after, "hide_viewport", text="Adapted", toggle=True, invert_checkbox=True)
+            draw_shown(layout, ("Planned", adapted.before), ("Adapted", adapted.after))
             layout.operator("frametwin.export_adapted", icon="EXPORT")
 
 

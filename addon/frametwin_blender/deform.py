@@ -6,6 +6,7 @@ from typing import ClassVar
 import bpy
 
 from frametwin.blender.evaluation import label
+from frametwin.blender.keeping import keep
 from frametwin.blender.plan_objects import make_active
 from frametwin.blender.plans import plan_from_object
 from frametwin.blender.prints import copy_to_bend, partly_printed, show_print_steps
@@ -14,7 +15,7 @@ from frametwin.formats import frame_json
 
 from . import session
 from .preferences import draw_python, python_worker, worker_kind
-from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
+from .steps import Panel, Step, draw_progress, draw_shown, is_free, needs, plan_of, print_of, settings_of, write_text
 
 TITLE = "Sag"
 
@@ -27,9 +28,9 @@ def sag_job(context: bpy.types.Context) -> Job:
     FrameTwinError
         If the plan cannot be read, or nothing of it would be printed.
     """
-    settings, scene = settings_of(context).deform, context.scene
+    settings, scene_now = settings_of(context).deform, keep(context.scene)
     plan_object = plan_of(context)
-    frame = plan_from_object(plan_object, scene=scene)
+    frame = plan_from_object(plan_object, scene=context.scene)
     if settings.how != "share":
         frame = partly_printed(frame, settings.how, getattr(settings, settings.how, 1.0))
     wanted = {
@@ -42,6 +43,7 @@ def sag_job(context: bpy.types.Context) -> Job:
     }
 
     def finish(answer):
+        scene = scene_now()
         obj = yield from show_print_steps(frame, answer, scene)
         old = scene.frametwin.print_object
         if old is not None and old != scene.frametwin.plan and old.get("frametwin_simulated"):
@@ -65,11 +67,18 @@ def sag_job(context: bpy.types.Context) -> Job:
     )
 
 
+def hide(obj: bpy.types.Object | None) -> None:
+    """Hide the plan, which stands where the print is shown, or both, where the twin is; not from who is editing it.
+
+    The buttons of the panels show it again.
+    """
+    if obj is not None and obj.mode == "OBJECT":
+        obj.hide_viewport = True
+
+
 def hide_plan(scene: bpy.types.Scene) -> None:
-    """Hide the plan, which stands where the print is shown; the outliner's screen brings it back."""
-    plan = scene.frametwin.plan
-    if plan is not None:
-        plan.hide_viewport = True
+    """Hide the scene's plan; see `hide`."""
+    hide(scene.frametwin.plan)
 
 
 class FRAMETWIN_OT_sag(Step, bpy.types.Operator):
@@ -141,6 +150,8 @@ class FRAMETWIN_PT_deform(Panel, bpy.types.Panel):
             row.operator("frametwin.sag", icon="PHYSICS")
             row.operator("frametwin.copy_to_bend", text="By Hand")
         layout.prop(settings_of(context), "print_object", text="Print")
+        if print_of(context) is not None:
+            draw_shown(layout, ("Plan", plan_of(context)), ("Print", print_of(context)))
 
 
 CLASSES = (FRAMETWIN_OT_sag, FRAMETWIN_OT_copy_to_bend, FRAMETWIN_PT_deform)

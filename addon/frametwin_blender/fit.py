@@ -6,7 +6,8 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from frametwin.blender.plan_objects import PlanSummary, add_plan, make_active
+from frametwin.blender.keeping import keep
+from frametwin.blender.plan_objects import PlanSummary, add_plan, make_active, user_is_editing
 from frametwin.blender.preview import remove_preview, show_preview
 from frametwin.blender.rigs import read_calibration, replace_rig
 from frametwin.blender.runner import Job
@@ -17,7 +18,7 @@ from frametwin.errors import InputError
 from frametwin.files import remove_leftovers
 
 from . import session
-from .deform import hide_plan
+from .deform import hide
 from .folders import fresh_folder, given_folder
 from .plan import take_plan
 from .preferences import draw_python, python_worker, worker_kind
@@ -35,7 +36,7 @@ def fit_job(context: bpy.types.Context) -> Job:
     FrameTwinError
         If the capture cannot be read.
     """
-    settings, scene = settings_of(context), context.scene
+    settings, scene_now = settings_of(context), keep(context.scene)
     capture = given_folder(settings.fit.capture, "Capture")
     truth = capture if read_capture(capture).truth is not None else None
     out = fresh_folder(context, "run")
@@ -44,12 +45,13 @@ def fit_job(context: bpy.types.Context) -> Job:
         parameters["warm_start"] = start_run(context)
 
     def finish(content):
+        scene = scene_now()
         shown = yield from show_twin_steps(content, scene=scene)
         scene.frametwin.twin = shown.collection
-        hide_plan(scene)
-        if scene.frametwin.print_object is not None:
-            scene.frametwin.print_object.hide_viewport = True
-        make_active(shown.twin)
+        hide(scene.frametwin.plan)
+        hide(scene.frametwin.print_object)
+        if not user_is_editing():
+            make_active(shown.twin)
         return words_of(content)
 
     return Job(
@@ -58,8 +60,8 @@ def fit_job(context: bpy.types.Context) -> Job:
         parameters=parameters,
         worker=python_worker,
         kind=worker_kind(),
-        on_curves=lambda curves: show_preview(curves, scene),
-        clear=lambda: remove_preview(scene),
+        on_curves=lambda curves: show_preview(curves, scene_now()),
+        clear=remove_preview,
         load=lambda answer: TwinContent.read(answer["out"], truth),
         finish=finish,
         clean=lambda: remove_leftovers(out),

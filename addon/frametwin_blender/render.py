@@ -7,6 +7,7 @@ import bpy
 
 from frametwin.blender.captures import capture_parameters
 from frametwin.blender.child import blender_worker
+from frametwin.blender.keeping import keep
 from frametwin.blender.prints import read_print
 from frametwin.blender.runner import Job
 from frametwin.files import remove_leftovers
@@ -27,9 +28,9 @@ def render_job(context: bpy.types.Context) -> Job:
     FrameTwinError
         If plan, print or cameras cannot be read.
     """
-    settings, scene = settings_of(context), context.scene
+    settings, scene = settings_of(context), keep(context.scene)
     out = fresh_folder(context, "capture")
-    real = read_print(plan_of(context), print_of(context), scene)
+    real = read_print(plan_of(context), print_of(context), context.scene)
     parameters = capture_parameters(
         real,
         cameras_of(context),
@@ -40,7 +41,7 @@ def render_job(context: bpy.types.Context) -> Job:
     )
 
     def finish(answer):
-        scene.frametwin.fit.capture = answer["out"]
+        scene().frametwin.fit.capture = answer["out"]
         return f"{answer['views']} pictures in {answer['out']}"
         yield
 

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import bpy
 
-from frametwin.blender.runner import Job, Runner
+from frametwin.blender.preview import remove_preview
+from frametwin.blender.runner import Job, Runner, Status
 from frametwin.worker.installation import Installer
 
 INTERVAL = 0.05
@@ -98,8 +99,17 @@ class FRAMETWIN_OT_cancel(bpy.types.Operator):
 
 @bpy.app.handlers.persistent
 def _before_load(*_: object) -> None:
-    """The scene that a job would go into is about to be gone."""
+    """The scene that a job would go into is about to be gone, and the next one has nothing to do with it."""
     runner.close()
+    runner.status = Status()
+
+
+@bpy.app.handlers.persistent
+def _after_load(*_: object) -> None:
+    """A file that was saved while a fit ran has its curves in it; and timers have ended with the file before."""
+    remove_preview()
+    if installer is not None and installer.running:
+        _follow()
 
 
 @bpy.app.handlers.persistent
@@ -109,6 +119,8 @@ def _before_undo(*_: object) -> None:
 
 @bpy.app.handlers.persistent
 def _after_undo(*_: object) -> None:
+    if not runner.busy:
+        remove_preview()  # a step that was taken while a fit ran brings its curves back
     runner.resume()
 
 
@@ -121,6 +133,7 @@ def end() -> None:
 
 HANDLERS = (
     ("load_pre", _before_load),
+    ("load_post", _after_load),
     ("undo_pre", _before_undo),
     ("redo_pre", _before_undo),
     ("undo_post", _after_undo),

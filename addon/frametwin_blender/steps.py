@@ -40,6 +40,21 @@ class FileStep(Step):
         return {"RUNNING_MODAL"}
 
 
+class SaveStep(FileStep):
+    """A `FileStep` that writes; the file browser begins with the name of what is written."""
+
+    def default_name(self, context: bpy.types.Context) -> str:
+        """The name of the file, without a suffix."""
+        raise NotImplementedError
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self.filepath:
+            self.filepath = f"{bpy.path.clean_name(self.default_name(context))}.json"
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        return self.execute(context)
+
+
 class Panel:
     """A panel of the tab."""
 
@@ -115,6 +130,14 @@ def wrapped(text: str, width: int) -> list[str]:
             lines.append("")
         lines[-1] = f"{lines[-1]} {word}".strip()
     return [line for line in lines if line]
+
+
+def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object | None]) -> None:
+    """A button for each object that shows or hides it."""
+    row = layout.row(align=True)
+    for name, obj in objects:
+        if obj is not None:
+            row.prop(obj, "hide_viewport", text=name, toggle=True, invert_checkbox=True)
 
 
 def draw_progress(layout: bpy.types.UILayout, context: bpy.types.Context, title: str) -> bool:

@@ -15,7 +15,18 @@ from frametwin.blender.twin_records import load_values
 from frametwin.blender.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
 from frametwin.errors import InputError
 
-from .steps import FileStep, Panel, Step, needs, settings_of, twin_of, write_text
+from .steps import (
+    Panel,
+    SaveStep,
+    Step,
+    draw_shown,
+    needs,
+    plan_of,
+    print_of,
+    settings_of,
+    twin_of,
+    write_text,
+)
 from .views import frame_selected, look_at
 
 
@@ -109,7 +120,7 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
         frame_selected(context)
 
 
-class FRAMETWIN_OT_export_twin(FileStep, _TwinStep, bpy.types.Operator):
+class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
     """Write the twin: a frame file (.json), lines (.obj), or a table of every strut's values (.csv)"""
 
     bl_idname = "frametwin.export_twin"
@@ -118,6 +129,10 @@ class FRAMETWIN_OT_export_twin(FileStep, _TwinStep, bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.json;*.obj;*.csv", options={"HIDDEN"})  # type: ignore[valid-type]
+    check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
+
+    def default_name(self, context):
+        return twin_of(context).name
 
     def act(self, context):
         path = Path(bpy.path.abspath(self.filepath))
@@ -126,7 +141,7 @@ class FRAMETWIN_OT_export_twin(FileStep, _TwinStep, bpy.types.Operator):
 
 
 class FRAMETWIN_OT_remove_twin(_TwinStep, bpy.types.Operator):
-    """Take the twin out of the scene; its run folder stays on disk"""
+    """Take the twin out of the scene and show the print or the plan again; its run folder stays on disk"""
 
     bl_idname = "frametwin.remove_twin"
     bl_label = "Remove Twin"
@@ -138,6 +153,9 @@ class FRAMETWIN_OT_remove_twin(_TwinStep, bpy.types.Operator):
             bpy.ops.object.mode_set(mode="OBJECT")
         settings_of(context).twin = None
         remove_twin(collection)
+        left = print_of(context) or plan_of(context)
+        if left is not None:
+            left.hide_viewport = False
 
 
 class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
@@ -201,11 +219,8 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         layout.operator("frametwin.leave_struts", icon="OBJECT_DATAMODE")
 
     def _draw_objects(self, layout, settings, collection):
-        row = layout.row(align=True)
         shown = {obj.get(ROLE_KEY): obj for obj in collection.objects}
-        for name, obj in (("Plan", shown.get("plan")), ("Twin", shown.get("twin")), ("Print", settings.print_object)):
-            if obj is not None:
-                row.prop(obj, "hide_viewport", text=name, toggle=True, invert_checkbox=True)
+        draw_shown(layout, ("Plan", shown.get("plan")), ("Twin", shown.get("twin")), ("Print", settings.print_object))
 
 
 CLASSES = (

@@ -9,10 +9,11 @@ import bpy
 import numpy as np
 
 from frametwin.blender.curves import wireframe_to_curve
-from frametwin.blender.evaluation import scene_of
+from frametwin.blender.evaluation import label, scene_of
 from frametwin.blender.plan_checks import PlanProblem, plan_problems, select_struts
 from frametwin.blender.plans import plan_from_object
 from frametwin.blender.units import mm_per_unit
+from frametwin.errors import InputError
 from frametwin.wireframe import Wireframe
 
 
@@ -25,7 +26,7 @@ def add_plan(frame: Wireframe, scene: bpy.types.Scene | None = None) -> bpy.type
 
 
 def make_active(obj: bpy.types.Object) -> bool:
-    """Select one object alone and make it active, in Object Mode; whether the present view layer shows it."""
+    """Show and select one object alone and make it active, in Object Mode; whether the present view layer has it."""
     layer = bpy.context.view_layer
     layer.update()  # what was linked a moment ago is not in it yet
     if layer.objects.get(obj.name) != obj:
@@ -33,6 +34,11 @@ def make_active(obj: bpy.types.Object) -> bool:
     active = layer.objects.active
     if active is not None and active.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
+    obj.hide_viewport = False  # a button of the panel, or a job, may have hidden it
+    obj.hide_set(False)
+    space = bpy.context.space_data
+    if space is not None and space.type == "VIEW_3D" and space.local_view is not None:
+        obj.local_view_set(space, True)
     for other in list(bpy.context.selected_objects):
         other.select_set(False)
     obj.select_set(True)
@@ -80,10 +86,12 @@ def show_struts(obj: bpy.types.Object, struts: Iterable[int]) -> int:
     Raises
     ------
     InputError
-        See `select_struts`.
+        See `select_struts`; if the object cannot be seen because its collection is hidden.
     """
     wanted = list(struts)
     shown = make_active(obj)
+    if shown and not obj.visible_get():
+        raise InputError.at(label(obj), "collection", "is hidden", "show it in the outliner")
     count = select_struts(obj, wanted)
     if shown:
         bpy.ops.object.mode_set(mode="EDIT")
@@ -95,6 +103,12 @@ def middle_of(frame: Wireframe, struts: Iterable[int], obj: bpy.types.Object) ->
     points = frame.control_points[list(struts)].reshape(-1, 3) / mm_per_unit(scene_of(obj))
     low, high = points.min(axis=0), points.max(axis=0)
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
+
+def user_is_editing() -> bool:
+    """Whether the user is in a mode of some object's own, such as Edit Mode, out of which no job may take them."""
+    active = bpy.context.view_layer.objects.active
+    return active is not None and active.mode != "OBJECT"
 
 
 def use_millimetres(scene: bpy.types.Scene) -> None:

@@ -44,7 +44,7 @@ def _new_preview(points: np.ndarray, scene: bpy.types.Scene) -> bpy.types.Object
     return obj
 
 
-def remove_preview(scene: bpy.types.Scene) -> None:
-    """Take away what `show_preview` has shown."""
-    for obj in [found for found in scene.objects if KEY in found]:
+def remove_preview(scene: bpy.types.Scene | None = None) -> None:
+    """Take away what `show_preview` has shown, in all scenes if none is given."""
+    for obj in [found for found in (bpy.data if scene is None else scene).objects if KEY in found]:
         remove_object(obj)

@@ -180,6 +180,83 @@ def test_rendering_is_cancelled_without_a_rest(tab: Any, session: Any) -> None:
     assert tab.fit.capture.endswith("capture")
 
 
+def test_a_scene_that_is_deleted_while_a_job_runs(tab: Any, session: Any, scene: Any) -> None:
+    tab.fit.preset = "fast"
+    ops.fit()
+    bpy.data.scenes.new("other")
+    bpy.data.scenes.remove(scene)
+    assert "is gone" in cases.pump_until_done() and session.runner.status.error
+    assert not bpy.data.objects and not bpy.data.collections
+
+
+def test_who_edits_while_a_fit_ends_stays_in_edit_mode(tab: Any, session: Any) -> None:
+    ops.open_capture()
+    bpy.ops.object.mode_set(mode="EDIT")
+    ops.sag()
+    cases.pump_until_done()
+    tab.fit.preset = "fast"
+    ops.fit()
+    assert "struts found" in cases.pump_until_done()
+    assert bpy.context.mode == "EDIT_CURVE" and bpy.context.object == tab.plan and not tab.plan.hide_viewport
+    assert tab.print_object.hide_viewport and find_twin(tab.twin)
+
+
+def test_a_fit_that_was_saved_in_the_middle_leaves_no_curves_in_the_file(
+    tab: Any, session: Any, tmp_path: Path
+) -> None:
+    ops.fit()
+    cases.pump_until(lambda: any(PREVIEW in obj for obj in bpy.data.objects))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "middle.blend"))
+    assert any(PREVIEW in obj for obj in bpy.data.objects)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "middle.blend"))
+    assert not any(PREVIEW in obj for obj in bpy.data.objects)
+    assert not session.runner.busy and not session.runner.status.message  # of another file
+
+
+def test_what_is_hidden_is_shown_to_have_its_struts_selected(tab: Any, session: Any) -> None:
+    ops.open_capture()
+    ops.sag()
+    cases.pump_until_done()
+    assert tab.plan.hide_viewport and not tab.print_object.hide_viewport
+    tab.fit.preset = "fast"
+    ops.fit()
+    cases.pump_until_done()
+    assert tab.print_object.hide_viewport
+    twin = find_twin(tab.twin).twin
+    twin.hide_viewport = True
+    ops.step_strut(step=1)
+    assert bpy.context.mode == "EDIT_CURVE" and not twin.hide_viewport
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.layer_collection.children[tab.twin.name].hide_viewport = True
+    assert "show it in the outliner" in cases.refused(ops.select_struts, kind="worst")
+    ops.remove_twin()
+    assert not tab.print_object.hide_viewport and tab.plan.hide_viewport
+
+
+def test_undo_while_a_fit_runs_does_it_no_harm(tab: Any, session: Any, scene: Any) -> None:
+    if not bpy.ops.ed.undo_push.poll():
+        pytest.skip("this Blender has no undo without a window")
+    bpy.ops.ed.undo_push(message="start")
+    ops.add_frame()
+    bpy.ops.ed.undo_push(message="frame")
+    ops.fit()
+    cases.pump_until(lambda: any(PREVIEW in obj for obj in bpy.data.objects))
+    bpy.ops.ed.undo_push(message="with its curves")
+    bpy.ops.ed.undo()
+    bpy.ops.ed.undo()
+    ops.cancel()
+    cases.pump_until_done()
+    bpy.ops.ed.redo()
+    bpy.ops.ed.redo()
+    assert not any(PREVIEW in obj for obj in bpy.data.objects)
+    bpy.context.scene.frametwin.fit.preset = "fast"
+    ops.fit()
+    cases.pump_until(lambda: session.runner.status.stage == "showing the result")
+    bpy.ops.ed.undo()
+    assert "struts found" in cases.pump_until_done()
+    assert find_twin(bpy.context.scene.frametwin.twin)
+
+
 def test_undo_takes_back_and_redo_brings_again(tab: Any, scene: Any) -> None:
     if not bpy.ops.ed.undo_push.poll():
         pytest.skip("this Blender has no undo without a window")
