@@ -18,7 +18,7 @@ from bpy.props import (
 from frametwin.blender.twins import is_twin
 from frametwin.parametric import FRAMES
 
-from .recolour import recolour_active
+from .recolour import recolour_active, restyle_active
 
 PRESETS = (
     ("fast", "Fast", "Blurred rods and second-order steps: seconds on a laptop, the most accurate"),
@@ -169,10 +169,18 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         name="Height", default=1200, min=8, max=16384, description="Height of the pictures in pixels"
     )
     opacity: FloatProperty(  # type: ignore[valid-type]
-        name="Opacity", default=0.5, min=0.0, max=1.0, subtype="FACTOR", description="Of the pictures in the cameras"
+        name="Opacity",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        description="Of the pictures in the cameras",
+        update=restyle_active,
     )
     front: BoolProperty(  # type: ignore[valid-type]
-        name="In Front", description="Draw the pictures before the curves rather than behind them"
+        name="In Front",
+        description="Draw the pictures before the curves rather than behind them",
+        update=restyle_active,
     )
 
 

@@ -1,13 +1,21 @@
-"""What happens when the user chooses another quantity or range."""
+"""What is drawn anew when the user chooses another quantity, range or opacity."""
 
 from __future__ import annotations
 
 import bpy
 
+from frametwin.blender.captures import restyle_pictures
 from frametwin.blender.twins import is_twin, recolour_twin
 from frametwin.errors import FrameTwinError
 
 from . import session
+
+
+def restyle_active(wanted: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Draw the pictures in the rig's cameras as the settings say; called by Blender when one of them changes."""
+    rig = wanted.id_data.frametwin.rig
+    if rig is not None:
+        restyle_pictures(rig, opacity=wanted.opacity, front=wanted.front)
 
 
 def recolour_active(view: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

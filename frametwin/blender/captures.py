@@ -81,6 +81,13 @@ def show_pictures(collection: bpy.types.Collection, capture: PathLike, *, opacit
     return found
 
 
+def restyle_pictures(collection: bpy.types.Collection, *, opacity: float, front: bool) -> None:
+    """Change how the pictures that `show_pictures` has shown are drawn."""
+    for obj in cameras_in(collection.all_objects):
+        for shown in obj.data.background_images:
+            shown.alpha, shown.display_depth = opacity, "FRONT" if front else "BACK"
+
+
 def hide_pictures(collection: bpy.types.Collection) -> None:
     """Show no pictures in the views of the rig's cameras."""
     for obj in cameras_in(collection.all_objects):
