@@ -37,7 +37,7 @@ def _draw() -> None:
         return
     collection = twin_of(context) or next(iter(jobs_in(context.scene)), None)
     legend = None if collection is None else load_legend(collection)
-    if legend is not None and not context.view_layer.layer_collection.exclude:
+    if legend is not None and any(obj.visible_get(viewport=context.space_data) for obj in collection.all_objects):
         _draw_legend(legend, context.preferences.system.ui_scale, context.region)
 
 

@@ -28,9 +28,11 @@ def frame_selected(context: bpy.types.Context) -> None:
 
 
 def look_at(context: bpy.types.Context, centre: np.ndarray, radius: float) -> None:
-    """Move the first 3D view to a ball, in Blender units."""
+    """Move the first 3D view to a ball, in Blender units, and let it see what is much nearer."""
     for area, _ in views_of(context):
-        view = area.spaces.active.region_3d
+        space = area.spaces.active
+        space.clip_start = min(space.clip_start, 0.1 * radius)
+        view = space.region_3d
         view.view_perspective = "PERSP" if view.view_perspective == "CAMERA" else view.view_perspective
         view.view_location, view.view_distance = centre.tolist(), 6.0 * radius
         return
