@@ -12,7 +12,7 @@ from frametwin.blender.preview import remove_preview, show_preview
 from frametwin.blender.rigs import read_calibration, replace_rig
 from frametwin.blender.runner import Job
 from frametwin.blender.stepwise import run_steps
-from frametwin.blender.twins import RUN_KEY, TwinContent, show_twin_steps
+from frametwin.blender.twins import RUN_KEY, TwinContent, TwinObjects, show_twin_steps
 from frametwin.capture import read_capture
 from frametwin.errors import InputError
 from frametwin.files import remove_leftovers
@@ -47,7 +47,7 @@ def fit_job(context: bpy.types.Context) -> Job:
     def finish(content):
         scene = scene_now()
         shown = yield from show_twin_steps(content, scene=scene)
-        scene.frametwin.twin = shown.collection
+        take_twin(scene.frametwin, shown)
         hide(scene.frametwin.plan)
         hide(scene.frametwin.print_object)
         if not user_is_editing():
@@ -81,6 +81,13 @@ def start_run(context: bpy.types.Context) -> str:
     if not folder:
         raise InputError.at("panel", "Start at This Twin", "there is no twin with a run folder", "switch it off")
     return folder
+
+
+def take_twin(settings: bpy.types.PropertyGroup, shown: TwinObjects) -> None:
+    """Make a twin the one that is looked at, by what was looked at before where it has that."""
+    if settings.view.quantity not in shown.values:
+        settings.twin, settings.view.quantity = None, "displacement"
+    settings.twin = shown.collection
 
 
 def words_of(content: TwinContent) -> str:
@@ -144,7 +151,7 @@ class FRAMETWIN_OT_import_run(Step, bpy.types.Operator):
     def act(self, context):
         content = TwinContent.read(given_folder(self.directory, "Run"))
         shown = run_steps(show_twin_steps(content, scene=context.scene))
-        settings_of(context).twin = shown.collection
+        take_twin(settings_of(context), shown)
         return words_of(content)
 
 

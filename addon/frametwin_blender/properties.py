@@ -18,7 +18,7 @@ from bpy.props import (
 from frametwin.blender.twins import is_twin
 from frametwin.parametric import FRAMES
 
-from .recolour import recolour_active, restyle_active
+from .recolour import recolour_active, recolour_afresh, restyle_active
 
 PRESETS = (
     ("fast", "Fast", "Blurred rods and second-order steps: seconds on a laptop, the most accurate"),
@@ -256,7 +256,7 @@ class FrameTwinView(bpy.types.PropertyGroup):
     """How a twin is looked at."""
 
     quantity: EnumProperty(  # type: ignore[valid-type]
-        name="Colour by", description="What the colours of the struts show", items=QUANTITIES, update=recolour_active
+        name="Colour by", description="What the colours of the struts show", items=QUANTITIES, update=recolour_afresh
     )
     automatic: BoolProperty(  # type: ignore[valid-type]
         name="Automatic Range",
@@ -303,7 +303,7 @@ class FrameTwinSettings(bpy.types.PropertyGroup):
         type=bpy.types.Collection,
         description="The twin that is looked at",
         poll=lambda self, collection: is_twin(collection),
-        update=recolour_active,
+        update=recolour_afresh,
     )
     about_plan: PointerProperty(type=FrameTwinPlan)  # type: ignore[valid-type]
     deform: PointerProperty(type=FrameTwinDeform)  # type: ignore[valid-type]

@@ -18,6 +18,13 @@ def restyle_active(wanted: bpy.types.PropertyGroup, context: bpy.types.Context) 
         restyle_pictures(rig, opacity=wanted.opacity, front=wanted.front)
 
 
+def recolour_afresh(view: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """As `recolour_active`, for another twin or quantity, of which other struts are the worst."""
+    wanted = view.id_data.frametwin.view
+    wanted.at, wanted.at_words = -1, ""
+    recolour_active(view, context)
+
+
 def recolour_active(view: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """Colour the scene's twin as its settings say; called by Blender when one of them changes."""
     settings = view.id_data.frametwin

@@ -86,9 +86,11 @@ def show_struts(obj: bpy.types.Object, struts: Iterable[int]) -> int:
     Raises
     ------
     InputError
-        See `select_struts`; if the object cannot be seen because its collection is hidden.
+        See `select_struts`; if the object is linked from another file, or its collection is hidden.
     """
     wanted = list(struts)
+    if not (obj.is_editable and obj.data.is_editable):
+        raise InputError.at(label(obj), "object", "is linked from another file", "make it local (Object > Relations)")
     shown = make_active(obj)
     if shown and not obj.visible_get():
         raise InputError.at(label(obj), "collection", "is hidden", "show it in the outliner")

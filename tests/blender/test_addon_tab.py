@@ -271,3 +271,36 @@ def test_everything_survives_saving_and_opening(tab: Any, rich_frame: Wireframe,
     settings.view.quantity = "error"
     assert "no truth.json" in cases.addon("session").last_words
     assert find_twin(settings.twin).legend.quantity == "confidence"
+
+
+def test_a_twin_without_truth_takes_the_place_of_one_with(tab: Any, small_capture: Path) -> None:
+    tab.fit.capture = str(small_capture)
+    ops.fit()
+    cases.pump_until_done()
+    tab.view.quantity = "error"
+    ops.step_strut(step=1)
+    assert tab.view.at_words
+    (small_capture / "truth.json").unlink()
+    ops.fit()
+    assert "struts found" in cases.pump_until_done()
+    assert tab.view.quantity == "displacement" and find_twin(tab.twin).legend.quantity == "displacement"
+    assert tab.view.at == -1 and not tab.view.at_words
+    assert len([found for found in bpy.data.collections if is_twin(found)]) == 2
+
+
+def test_a_linked_twin_can_be_looked_at(tab: Any, rich_frame: Wireframe, tmp_path: Path) -> None:
+    from test_blender_twins import shifted
+
+    name = show_twin(shifted(rich_frame, [0.0, 0.0, 2.0]), rich_frame).collection.name
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.collections = [name]
+    linked, scene = bpy.data.collections[name], bpy.context.scene
+    scene.collection.children.link(linked)
+    scene.frametwin.twin = linked
+    scene.frametwin.view.quantity = "confidence"
+    assert "make it local" in cases.refused(ops.select_struts, kind="worst")
+    assert "make it local" in cases.refused(ops.step_strut, step=1)
+    ops.leave_struts()
+    ops.export_twin(filepath=str(tmp_path / "twin.csv"))
