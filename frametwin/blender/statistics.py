@@ -36,6 +36,7 @@ def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> di
     """Quantities of every strut: mean (``_max``: largest) displacement between equal parameters of plan and twin, ...
 
     ``error`` and ``error_max`` are distances from points of the true strut, where it exists, to the twin's strut.
+    Struts that are not printed have no value but that they are not: nobody has seen them.
     """
     moved = np.linalg.norm(bezier.evaluate(twin.control_points - frame.control_points, _U), axis=-1)  # (E, S)
     columns = {
@@ -44,13 +45,13 @@ def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> di
         "opacity": ("", twin.opacity.mean(axis=1)),
         "completeness": ("", twin.completeness),
         "thickness": ("mm", twin.thickness.mean(axis=1)),
-        "confidence": ("", np.where(frame.printed, twin.confidence, np.nan)),
-        "printed": ("", frame.printed.astype(np.float64)),
+        "confidence": ("", twin.confidence),
     }
     if truth is not None:
         error = _errors(twin.control_points, truth)
-        error[~frame.printed] = np.nan
         columns |= {"error": ("mm", error.mean(axis=1)), "error_max": ("mm", error.max(axis=1))}
+    columns = {name: (unit, np.where(frame.printed, values, np.nan)) for name, (unit, values) in columns.items()}
+    columns["printed"] = ("", frame.printed.astype(np.float64))
     return {name: StrutValues(name, unit, values) for name, (unit, values) in columns.items()}
 
 

@@ -49,7 +49,10 @@ def test_a_run_folder_is_shown_and_removed(scene: Any, rich_frame: Wireframe, tm
     np.testing.assert_allclose(found.radius, rich_frame.radius + 0.5, rtol=1e-12)
     np.testing.assert_array_equal(wireframe_from_curve(shown.plan).control_points, rich_frame.control_points)
     assert shown.plan.hide_select and shown.collection[RUN_KEY] == str(tmp_path)
-    np.testing.assert_allclose(shown.values["displacement_max"].values, 5.0, rtol=1e-12)
+    np.testing.assert_allclose(shown.values["displacement_max"].values[rich_frame.printed], 5.0, rtol=1e-12)
+    for name in ("displacement", "opacity", "completeness", "thickness", "confidence"):  # nobody has seen the others
+        np.testing.assert_array_equal(np.isnan(shown.values[name].values), ~rich_frame.printed)
+    assert (indices(shown.twin)[~rich_frame.printed] == UNKNOWN).all()
     assert shown.missing.tolist() == [3] and indices(shown.twin)[3] == MISSING
     remove_twin(shown.collection)
     assert not len(bpy.data.materials) and not len(bpy.data.curves) and not len(bpy.data.collections)
