@@ -80,8 +80,10 @@ class FrameTwinPreferences(bpy.types.AddonPreferences):
             write_text(box, installer.error, context, "ERROR")
         else:
             write_text(box, "Cancelled; nothing is left of it.", context)
-        for line in list(installer.log)[-6:]:
-            box.label(text=line[-110:])
+        column = box.column(align=True)
+        column.scale_y = 0.75
+        for line in [line for line in list(installer.log) if line.strip()][-6:]:
+            column.label(text=line[-110:])
 
 
 def preferences_of() -> FrameTwinPreferences | None:

@@ -135,6 +135,7 @@ def wrapped(text: str, width: int) -> list[str]:
 def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object | None]) -> None:
     """A button for each object that shows or hides it."""
     row = layout.row(align=True)
+    row.use_property_split = False
     for name, obj in objects:
         if obj is not None:
             row.prop(obj, "hide_viewport", text=name, toggle=True, invert_checkbox=True)
