@@ -228,7 +228,7 @@ def check_plan(frame: Wireframe) -> PrintSequence:
     assert check_sequence(frame, sequence) == []
     used = np.unique(frame.edges)
     assert closing_struts(frame, sequence).sum() == frame.strut_count - (~frame.grounded[used]).sum()
-    size = min(20.0, max(4.0, frame.strut_count / 20.0))
+    size = min(12.0, max(4.0, frame.strut_count / 20.0))
     assert sequence.batch_count == pytest.approx(frame.strut_count / size, rel=0.15)
     return sequence
 

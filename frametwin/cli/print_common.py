@@ -87,7 +87,7 @@ def order_options(function: Function) -> Function:
             click.option(
                 "--batch-size",
                 type=click.IntRange(1),
-                help="Struts between two looks of the cameras, about.  [default: a twentieth of all, 4 to 20]",
+                help="Struts between two looks of the cameras, about.  [default: a twentieth of all, 4 to 12]",
             ),
             click.option(
                 "--max-tilt",

@@ -35,7 +35,7 @@ class PlanOptions:
     Attributes
     ----------
     batch_size
-        Struts between two looks of the cameras, about; ``None`` for a twentieth of all, from 4 to 20.
+        Struts between two looks of the cameras, about; ``None`` for a twentieth of all, from 4 to 12.
     max_tilt_deg
         How far the tool may lean; 0 for machines of three axes.
     allow_contact

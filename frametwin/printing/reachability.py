@@ -32,7 +32,7 @@ class OrderSettings:
     max_tilt_deg
         How far the tool's axis may lean from the vertical; 0 for machines with three axes.
     batch_size
-        Struts from one look of the cameras to the next, about; ``None`` for a twentieth of all, from 4 to 20.
+        Struts from one look of the cameras to the next, about; ``None`` for a twentieth of all, from 4 to 12.
     allow_contact
         Where the tool cannot reach a strut without touching others, or a given order begins struts in the air, plan
         the fewest contacts instead of refusing; `frametwin.printing.check.check_sequence` lists them.
