@@ -7,8 +7,8 @@ import numpy as np
 from frametwin.wireframe import Wireframe
 
 BATCHES, SMALLEST, LARGEST = 20, 4, 12
-"""Batches of a print where no size is given, and the least and most struts in one of them. In a simulated Femur struts
-were lost in batches of twenty, the paper's (it shows its Bunny-Head of 154 struts in eight states), and none in twelve."""
+"""Batches of a print where no size is given, and the least and most struts in one of them. A simulated Femur lost
+struts in batches of twenty, about those of the paper (its Bunny-Head of 154 struts is shown in eight states)."""
 
 PLAY = 0.15
 """Share of a batch's size by which its end may move to where fewer cantilevers hang."""
