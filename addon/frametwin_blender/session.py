@@ -63,8 +63,15 @@ def _tick() -> float | None:
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in {"VIEW_3D", "PREFERENCES"}:
-                area.tag_redraw()
+                _redraw(area, all_of_it=not going)
     return INTERVAL if going else None
+
+
+def _redraw(area: bpy.types.Area, all_of_it: bool) -> None:
+    """Draw panels anew; a 3D view, which may take a second, is drawn by Blender itself where something has changed."""
+    for region in area.regions:
+        if all_of_it or region.type == "UI" or area.type == "PREFERENCES":
+            region.tag_redraw()
 
 
 def _follow() -> None:
