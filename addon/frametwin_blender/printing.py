@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import bpy
 
+from frametwin.blender.keeping import keep
 from frametwin.blender.plans import plan_from_object
 from frametwin.blender.print_jobs import WORDS_KEY, batch_shown, jobs_in, remove_job, show_job_steps
 from frametwin.blender.runner import Job
@@ -31,8 +32,8 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
     FrameTwinError
         If the plan cannot be read.
     """
-    settings, scene = settings_of(context).print, context.scene
-    frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=scene))
+    settings, scene_now = settings_of(context).print, keep(context.scene)
+    frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=context.scene))
     modes, taken = MODES[settings.mode], fresh_folder(context, "print")
     number, top, told = int(taken.name.rpartition("-")[2]), [], []
     plan = {"batch_size": settings.batch_size} if settings.batch_size else {}
@@ -45,7 +46,7 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
         wanted = {"plan": {**plan, **steered}, "seed": settings.seed}
 
         def finish(found):
-            answer, history = found
+            scene, (answer, history) = scene_now(), found
             if place == 0:
                 for old in jobs_in(scene):
                     remove_job(old)
@@ -88,10 +89,11 @@ def show_job(context: bpy.types.Context) -> Job:
     InputError
         If no folder is given.
     """
-    scene = context.scene
+    scene_now = keep(context.scene)
     folder = given_folder(settings_of(context).print.job, "Job")
 
     def finish(history):
+        scene = scene_now()
         place = len(jobs_in(scene))
         yield from show_job_steps(history, scene, folder=str(folder), place=place)
         return f"{len(history.batches)} batches on the timeline"
@@ -107,12 +109,12 @@ def plan_print_job(context: bpy.types.Context) -> Job:
     FrameTwinError
         If the plan cannot be read.
     """
-    settings, scene, out = settings_of(context).print, context.scene, fresh_folder(context, "print")
+    settings, scene_now, out = settings_of(context).print, keep(context.scene), fresh_folder(context, "print")
     wanted = {"batch_size": settings.batch_size} if settings.batch_size else {}
-    frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=scene))
+    frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=context.scene))
 
     def finish(answer):
-        scene.frametwin.print.job = str(answer["out"])
+        scene_now().frametwin.print.job = str(answer["out"])
         return f"Job {answer['out']}: print its first batch, take the pictures, then Answer"
         yield
 
@@ -135,12 +137,12 @@ def answer_job(context: bpy.types.Context) -> Job:
     InputError
         If a folder is not given.
     """
-    settings, scene = settings_of(context), context.scene
+    settings, scene_now = settings_of(context), keep(context.scene)
     folder = given_folder(settings.print.job, "Job")
     capture = given_folder(settings.fit.capture, "Capture")
 
     def finish(found):
-        answer, history = found
+        scene, (answer, history) = scene_now(), found
         for old in jobs_in(scene):
             remove_job(old)
         yield from show_job_steps(history, scene, folder=str(folder))
