@@ -45,8 +45,9 @@ def test_the_steps(wanted: Installation, tmp_path: Path) -> None:
 def test_a_base_that_suits_is_found() -> None:
     assert base_python(sys.executable) == sys.executable
     assert Path(base_python()).exists()
-    with pytest.raises(InputError, match="is no Python of version 3.11 to 3.13"):
-        base_python(os.devnull)
+    for other in (os.devnull, "true"):  # one that cannot be run, and a program that is content with anything
+        with pytest.raises(InputError, match="is no Python of version 3.11 to 3.13"):
+            base_python(other)
 
 
 def test_an_environment_is_made_and_marked(wanted: Installation, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,8 +64,19 @@ def test_a_step_that_fails_is_told_and_nothing_is_left(wanted: Installation, mon
     code = "import sys; print('ERROR: no such thing'); print('a hint'); sys.exit(1)"
     monkeypatch.setattr(Installation, "commands", lambda self: [("installing", [sys.executable, "-c", code])])
     installer = ended(Installer(wanted))
-    assert "while installing: ERROR: no such thing" in installer.error and not installer.done
+    assert "while installing: ERROR: no such thing The log says more." in installer.error and not installer.done
     assert "a hint" in installer.log and not wanted.folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("WARNING: Retrying after connection broken by 'NewConnectionError('<...>: refused')'", "cannot reach"),
+        ("ERROR: Could not install packages due to an OSError: [Errno 28] No space left on device", "disk is full"),
+    ],
+)
+def test_usual_causes_are_told_in_words(line: str, words: str) -> None:
+    assert words in installation._reason([line, "ERROR: ResolutionImpossible: for help visit the site"])
 
 
 @posix

@@ -110,14 +110,14 @@ def base_python(given: str = "") -> str:
 
 
 def _suits(python: str) -> bool:
-    test = f"import sys, venv, ensurepip; sys.exit(not {OLDEST} <= sys.version_info[:2] <= {NEWEST})"
+    test = f"import sys, venv, ensurepip; print('suits' * ({OLDEST} <= sys.version_info[:2] <= {NEWEST}))"
     try:
         done = subprocess.run(
             [python, "-I", "-c", test], stdin=subprocess.DEVNULL, capture_output=True, timeout=20, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
         return False
-    return done.returncode == 0
+    return done.returncode == 0 and done.stdout.strip() == b"suits"  # other programs end with 0 too
 
 
 class Installer:
@@ -202,10 +202,20 @@ class Installer:
         if self.cancelled:
             raise Cancelled("cancelled")
         if code:
-            words = next((line for line in reversed(self.log) if "error" in line.lower()), self.log[-1])
-            raise FrameTwinError(
-                f"The set-up failed while {self.stage}: {words} The log says more; check the network and set up again."
-            )
+            raise FrameTwinError(f"The set-up failed while {self.stage}: {_reason(list(self.log))}")
+
+
+_NO_NETWORK = ("NewConnectionError", "NameResolutionError", "ProxyError", "ConnectTimeoutError", "Max retries exceeded")
+
+
+def _reason(log: Sequence[str]) -> str:
+    """Why a step failed, in words, from what it wrote."""
+    if any(word in line for line in log for word in _NO_NETWORK):
+        return "pip cannot reach its package index. Check the network and the proxy, and set up again."
+    if any("No space left" in line for line in log):
+        return "the disk is full. Free about 2 GB, and set up again."
+    words = next((line for line in reversed(log) if "error" in line.lower()), log[-1])
+    return f"{words} The log says more."
 
 
 def _start(command: Sequence[str]) -> subprocess.Popen[str]:
