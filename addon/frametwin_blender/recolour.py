@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from frametwin.blender.captures import restyle_pictures
+from frametwin.blender.twin_records import load_legend
 from frametwin.blender.twins import is_twin, recolour_twin
 from frametwin.errors import FrameTwinError
 
@@ -30,7 +31,9 @@ def recolour_active(view: bpy.types.PropertyGroup, context: bpy.types.Context) -
     settings = view.id_data.frametwin
     if not is_twin(settings.twin):
         return
-    wanted = settings.view
+    wanted, legend = settings.view, load_legend(settings.twin)
+    if legend is not None and legend.automatic and wanted.automatic and legend.quantity == wanted.quantity:
+        return  # as a new twin comes: colouring a large one anew would hold the interface for nothing
     low, high = (None, None) if wanted.automatic else (wanted.low, wanted.high)
     try:
         recolour_twin(settings.twin, wanted.quantity, low, high)

@@ -23,13 +23,17 @@ KEY = "frametwin_colour"
 
 @dataclass(frozen=True, eq=False)
 class Legend:
-    """What the colours mean: quantity, unit, range, and (BINS, 3) scene-linear colours from low to high."""
+    """What the colours mean: quantity, unit, range, and (BINS, 3) scene-linear colours from low to high.
+
+    ``automatic`` says whether the range is that of the values.
+    """
 
     quantity: str
     unit: str
     low: float
     high: float
     colours: np.ndarray
+    automatic: bool = False
 
 
 def colour_map() -> np.ndarray:
@@ -101,7 +105,8 @@ def colour_twin(
     chosen = np.where(strut < 0, UNKNOWN, index[strut]).astype(np.int32)
     obj.data.splines.foreach_set("material_index", chosen)
     obj.data.update_tag()
-    return Legend(values.quantity, values.unit, start, top, colour_map()[:BINS])
+    automatic = low is None and high is None
+    return Legend(values.quantity, values.unit, start, top, colour_map()[:BINS], automatic)
 
 
 def materials_steps() -> Generator[None, None, list[bpy.types.Material]]:

@@ -55,7 +55,7 @@ def load_values(collection: bpy.types.Collection) -> tuple[dict[str, StrutValues
 
 def store_legend(collection: bpy.types.Collection, legend: Legend) -> None:
     """Remember what the colours mean."""
-    collection[LEGEND_KEY] = {name: getattr(legend, name) for name in ("quantity", "unit", "low", "high")}
+    collection[LEGEND_KEY] = {name: getattr(legend, name) for name in ("quantity", "unit", "low", "high", "automatic")}
 
 
 def load_legend(collection: bpy.types.Collection) -> Legend | None:
@@ -64,5 +64,10 @@ def load_legend(collection: bpy.types.Collection) -> Legend | None:
     if not isinstance(group, idprop.types.IDPropertyGroup):
         return None
     return Legend(
-        str(group["quantity"]), str(group["unit"]), float(group["low"]), float(group["high"]), colour_map()[:BINS]
+        str(group["quantity"]),
+        str(group["unit"]),
+        float(group["low"]),
+        float(group["high"]),
+        colour_map()[:BINS],
+        bool(group.get("automatic", False)),
     )
