@@ -5,7 +5,7 @@
     python scripts/benchmark_printing.py --results FILE               go on with a file of results, or only show it
 
 Every frame is printed with the default settings of `frametwin.printing.material.PrintSettings`, struts of 6 % of the
-median strut length in radius, and a look of 8 cameras of 600x800 after every twentieth of the struts, 20 at the most.
+median strut length in radius, and a look of 8 cameras of 600x800 after every twentieth of the struts, 4 to 12 of them.
 The order is planned once for each frame. The twins see only pictures.
 """
 
@@ -31,7 +31,7 @@ from frametwin.wireframe import Wireframe
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
 WAYS = {"plain": (False, False), "adapted": (True, False), "compensated": (True, True)}
 """Whether each way adapts, and whether it compensates."""
-BATCHES, SMALLEST, LARGEST = 20, 4, 20
+BATCHES, SMALLEST, LARGEST = 20, 4, 12
 COLUMNS = (
     "frame",
     "struts",

@@ -30,7 +30,7 @@ NOISE = 0.05
 """Inaccuracy of laying and seeing a joint, as a share of a strut's diameter."""
 
 BELIEFS = tuple(
-    PrintSettings(axial=axial, rest=rest, increments=1) for axial in (0.07, 0.25, 1.0) for rest in (0.04, 0.2)
+    PrintSettings(axial=axial, rest=rest, lean=0.1, increments=1) for axial in (0.07, 0.25, 1.0) for rest in (0.04, 0.2)
 )
 """What materials may be like: how stiff struts are along themselves and how long they go on flowing."""
 

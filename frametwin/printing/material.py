@@ -77,7 +77,7 @@ class PrintSettings:
     rest: float = 0.1
     uneven: float = 0.3
     axial: float = 0.1
-    lean: float = 0.1
+    lean: float = 0.05
     residual: float = 0.1
     placement: float = 0.03
     bead: float = 1.0
