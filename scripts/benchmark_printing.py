@@ -31,7 +31,6 @@ from frametwin.wireframe import Wireframe
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
 WAYS = {"plain": (False, False), "adapted": (True, False), "compensated": (True, True)}
 """Whether each way adapts, and whether it compensates."""
-BATCHES, SMALLEST, LARGEST = 20, 4, 12
 COLUMNS = (
     "frame",
     "struts",
@@ -52,11 +51,6 @@ def design_of(name: str) -> Wireframe:
     radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
     batch = np.zeros(frame.strut_count, dtype=np.int64)
     return frame.replace(radius=np.full(frame.strut_count, radius), batch=batch)
-
-
-def batch_size(frame: Wireframe) -> int:
-    """Struts between two looks of the cameras."""
-    return int(np.clip(round(frame.strut_count / BATCHES), SMALLEST, LARGEST))
 
 
 def run(frame: Wireframe, order: Path, way: str, seed: int, folder: Path) -> dict:
@@ -123,7 +117,7 @@ def main() -> None:
                     if (name, way, seed) in done:
                         continue
                     if not order.exists():
-                        settings = OrderSettings(batch_size=batch_size(frame), allow_contact=True)
+                        settings = OrderSettings(allow_contact=True)
                         write_sequence(order, plan_sequence(frame, settings))
                     result = run(frame, order, way, seed, Path(scratch) / f"{name}-{way}-{seed}")
                     results.append({"name": name, "way": way, "seed": seed, **result})
