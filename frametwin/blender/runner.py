@@ -233,11 +233,13 @@ class Runner:
             self._next(value)
         if self._key is not None:
             self._listen(deadline)
-        while self._steps is not None and perf_counter() < deadline:
+        while self._steps is not None:  # one step at least, or a full queue of events would keep the end away
             try:
                 next(self._steps)
             except StopIteration as done:
                 self._end(False, done.value or f"{self.status.title} done")
+            if perf_counter() >= deadline:
+                break
 
     def _listen(self, deadline: float) -> None:
         assert self._client is not None and self._job is not None

@@ -56,11 +56,12 @@ def pump_until_done(patience: float = PATIENCE) -> str:
     return str(session.last_words)
 
 
-def pump_until(condition: Any, patience: float = PATIENCE) -> None:
+def pump_until(condition: Any, patience: float = PATIENCE, pump: Any = None) -> None:
     """Pump until something is true."""
+    pump = pump or addon("session").pump
     deadline = time.monotonic() + patience
     while not condition():
-        addon("session").pump()
+        pump()
         assert time.monotonic() < deadline, "waited too long"
         time.sleep(0.002)
 
