@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import glob
 import json
 import os
@@ -13,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from frametwin.errors import InputError
+from frametwin.errors import FrameTwinError, InputError
 
 PathLike = str | os.PathLike[str]
 
@@ -54,12 +55,18 @@ def write_bytes(path: PathLike, data: bytes) -> None:
             temporary.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise InputError.at(
-            target,
-            "file",
-            f"cannot be written ({error.strerror})",
-            "choose a folder that exists and is writable",
-        ) from error
+        raise _not_written(target, "file", error) from error
+
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+def _not_written(path: PathLike, field: str, error: OSError, verb: str = "written") -> InputError:
+    """What to tell of a file or folder that the system does not let anybody write."""
+    remedy = "free some space, or choose a folder on another disk"
+    if error.errno not in _FULL:
+        remedy = "choose a folder that exists and is writable"
+    return InputError.at(path, field, f"cannot be {verb} ({error.strerror})", remedy)
 
 
 def write_text(path: PathLike, text: str) -> None:
@@ -226,7 +233,7 @@ def check_format(data: dict[str, Any], path: PathLike, name: str, version: int =
         )
 
 
-def _missing_parents(path: Path) -> list[Path]:
+def missing_parents(path: Path) -> list[Path]:
     """Folders above ``path`` that do not exist, deepest first."""
     missing = []
     for parent in path.parents:
@@ -267,6 +274,24 @@ def swap_in(staged: Path, target: Path) -> None:
 
 
 @contextlib.contextmanager
+def _naming(path: PathLike, staged: Path) -> Iterator[None]:
+    """Let errors name ``path``, which the user gave, and not the folder that stands in for it."""
+    hidden, shown = str(staged), os.fspath(path)
+    try:
+        yield
+    except FrameTwinError as error:
+        error.args = tuple(arg.replace(hidden, shown) if isinstance(arg, str) else arg for arg in error.args)
+        raise
+    except OSError as error:
+        inside = next((str(name) for name in (error.filename, error.filename2) if hidden in str(name)), None)
+        if inside is not None:
+            raise _not_written(inside.replace(hidden, shown), "file", error) from error
+        if error.errno in _FULL:
+            raise _not_written(path, "folder", error) from error
+        raise
+
+
+@contextlib.contextmanager
 def staged_directory(path: PathLike, overwrite: bool = False) -> Iterator[Path]:
     """Write a folder whole or not at all.
 
@@ -283,22 +308,23 @@ def staged_directory(path: PathLike, overwrite: bool = False) -> Iterator[Path]:
     Raises
     ------
     InputError
-        If ``path`` is a file, or a folder with something in it and ``overwrite`` is false, or cannot be made.
+        If ``path`` is a file, or a folder with something in it and ``overwrite`` is false, or cannot be made; if the
+        disk is full. Errors of `FrameTwinError` that the block raises name ``path`` where they named the new folder,
+        of which nobody has heard.
     """
     target = Path(os.path.realpath(path))
     _refuse_taken(target, path, overwrite)
-    made = _missing_parents(target)
+    made = missing_parents(target)
     staged = _temporary_name(target)
     try:
         try:
             staged.mkdir(parents=True)
         except OSError as error:
-            raise InputError.at(
-                path, "folder", f"cannot be made ({error.strerror})", "choose a place that is writable"
-            ) from error
-        yield staged
-        _refuse_taken(target, path, overwrite)  # somebody may have put a folder there meanwhile
-        swap_in(staged, target)
+            raise _not_written(path, "folder", error, "made") from error
+        with _naming(path, staged):
+            yield staged
+            _refuse_taken(target, path, overwrite)  # somebody may have put a folder there meanwhile
+            swap_in(staged, target)
     except BaseException:
         shutil.rmtree(staged, ignore_errors=True)
         for parent in made:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -117,6 +118,30 @@ def test_staged_folder_vanishes_on_failure(tmp_path: Path, error: type[BaseExcep
     with pytest.raises(error), staged_directory(tmp_path / "deep" / "run") as staged:
         (staged / "a").write_text("1")
         raise error
+    assert os.listdir(tmp_path) == []
+
+
+def full_disk(*_: object) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_errors_name_the_folder_that_was_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full_disk)
+        with pytest.raises(InputError) as caught, staged_directory(run) as staged:
+            write_json(staged / "twin.json", {})
+    full = "cannot be written (No space left on device); free some space, or choose a folder on another disk."
+    assert str(caught.value) == f"{run / 'twin.json'}: file: {full}"
+    with pytest.raises(InputError) as caught, staged_directory(run):
+        full_disk()  # as a stream does, which knows no names
+    assert str(caught.value) == f"{run}: folder: {full}"
+    with pytest.raises(InputError) as caught, staged_directory(run) as staged:
+        (staged / "images" / "a.png").write_bytes(b"")
+    assert str(caught.value).startswith(f"{run / 'images' / 'a.png'}: file: cannot be written (")
+    with pytest.raises(FileNotFoundError) as other, staged_directory(run):
+        (tmp_path / "elsewhere").read_text()  # nothing that was to be written
+    assert str(tmp_path / "elsewhere") in str(other.value)
     assert os.listdir(tmp_path) == []
 
 
