@@ -16,7 +16,7 @@ from frametwin.errors import InputError
 
 from . import session
 from .fit import start_run
-from .preferences import python_worker, worker_kind
+from .preferences import worker_job
 from .steps import Panel, SaveStep, Step, draw_progress, draw_shown, is_free, needs, twin_of, write_text
 
 TITLE = "Adapt"
@@ -44,14 +44,7 @@ def adapt_job(context: bpy.types.Context) -> Job:
             f" by {answer['largest_displacement']:.3g} mm at most"
         )
 
-    return Job(
-        title=TITLE,
-        request="adapt",
-        parameters={"run": start_run(context)},
-        worker=python_worker,
-        kind=worker_kind(),
-        finish=finish,
-    )
+    return worker_job(TITLE, "adapt", {"run": start_run(context)}, finish)
 
 
 class FRAMETWIN_OT_adapt(Step, bpy.types.Operator):

@@ -14,7 +14,7 @@ from frametwin.blender.runner import Job
 from frametwin.formats import frame_json
 
 from . import session
-from .preferences import draw_python, python_worker, worker_kind
+from .preferences import draw_python, worker_job
 from .steps import Panel, Step, draw_progress, draw_shown, is_free, needs, plan_of, print_of, settings_of, write_text
 
 TITLE = "Sag"
@@ -57,14 +57,7 @@ def sag_job(context: bpy.types.Context) -> Job:
             f"{f', {missing} not whole' if missing else ''}, moved {answer['largest_displacement']:.3g} mm at most"
         )
 
-    return Job(
-        title=TITLE,
-        request="simulate",
-        parameters={"frame": frame_json.to_dict(frame), "settings": wanted},
-        worker=python_worker,
-        kind=worker_kind(),
-        finish=finish,
-    )
+    return worker_job(TITLE, "simulate", {"frame": frame_json.to_dict(frame), "settings": wanted}, finish)
 
 
 def hide(obj: bpy.types.Object | None) -> None:

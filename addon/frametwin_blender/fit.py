@@ -15,13 +15,12 @@ from frametwin.blender.stepwise import run_steps
 from frametwin.blender.twins import RUN_KEY, TwinContent, TwinObjects, show_twin_steps
 from frametwin.capture import read_capture
 from frametwin.errors import InputError
-from frametwin.files import remove_leftovers
 
 from . import session
 from .deform import hide
-from .folders import fresh_folder, given_folder
+from .folders import fresh_folder, given_folder, work_folder
 from .plan import take_plan
-from .preferences import draw_python, python_worker, worker_kind
+from .preferences import draw_python, worker_job
 from .steps import Panel, Step, draw_progress, is_free, needs, settings_of, twin_of, write_text
 from .views import frame_selected
 
@@ -39,8 +38,8 @@ def fit_job(context: bpy.types.Context) -> Job:
     settings, scene_now = settings_of(context), keep(context.scene)
     capture = given_folder(settings.fit.capture, "Capture")
     truth = capture if read_capture(capture).truth is not None else None
-    out = fresh_folder(context, "run")
-    parameters = {"capture": capture, "out": out, "preset": settings.fit.preset, "seed": settings.fit.seed}
+    out = fresh_folder(work_folder(context), "run")
+    parameters = {"capture": capture, "preset": settings.fit.preset, "seed": settings.fit.seed}
     if settings.fit.warm:
         parameters["warm_start"] = start_run(context)
 
@@ -54,17 +53,15 @@ def fit_job(context: bpy.types.Context) -> Job:
             make_active(shown.twin)
         return words_of(content)
 
-    return Job(
-        title=TITLE,
-        request="fit",
-        parameters=parameters,
-        worker=python_worker,
-        kind=worker_kind(),
+    return worker_job(
+        TITLE,
+        "fit",
+        parameters,
+        finish,
+        out=out,
         on_curves=lambda curves: show_preview(curves, scene_now()),
         clear=remove_preview,
         load=lambda answer: TwinContent.read(answer["out"], truth),
-        finish=finish,
-        clean=lambda: remove_leftovers(out),
     )
 
 

@@ -22,9 +22,8 @@ def work_folder(context: bpy.types.Context) -> Path:
     return Path.home() / "FrameTwin"
 
 
-def fresh_folder(context: bpy.types.Context, kind: str) -> Path:
-    """A folder that does not exist yet, such as ``capture-003``."""
-    parent = work_folder(context)
+def fresh_folder(parent: Path, kind: str) -> Path:
+    """A folder in ``parent`` that does not exist yet, such as ``capture-003``."""
     taken = {path.name for path in parent.glob(f"{kind}-*")} if parent.is_dir() else set()
     number = 1
     while f"{kind}-{number:03d}" in taken:

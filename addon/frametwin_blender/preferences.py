@@ -1,14 +1,15 @@
 """Preferences: the Python in which the fitter runs, its set-up and its test."""
 
 # No postponed annotations here: Blender reads them as properties.
+from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
 from frametwin import __version__
-from frametwin.blender.runner import Job
+from frametwin.blender.runner import Job, Steps
 from frametwin.errors import InputError
 from frametwin.worker.client import WorkerClient, find_python
 from frametwin.worker.installation import Installation, Installer, installed_python
@@ -124,9 +125,43 @@ def python_worker() -> WorkerClient:
     return WorkerClient(chosen_python())
 
 
-def worker_kind() -> str:
-    """Tells workers of different Pythons apart."""
-    return f"python {chosen_python()}"
+def worker_job(
+    title: str,
+    request: str,
+    parameters: dict[str, Any],
+    finish: Callable[[Any], Steps],
+    *,
+    out: Path | None = None,
+    **more: Any,
+) -> Job:
+    """A job of the worker in that Python.
+
+    Parameters
+    ----------
+    title, request, parameters, finish
+        See `frametwin.blender.runner.Job`.
+    out
+        The folder that it makes, of which nothing is left if it is cancelled; one of its parameters.
+    more
+        Other fields of the job.
+
+    Raises
+    ------
+    InputError
+        If there is no Python.
+    """
+    python = chosen_python()  # tells workers of different Pythons apart
+    given = parameters if out is None else {**parameters, "out": out}
+    return Job(
+        title=title,
+        request=request,
+        parameters=given,
+        finish=finish,
+        worker=python_worker,
+        kind=f"python {python}",
+        out=out,
+        **more,
+    )
 
 
 _seen: dict[str, tuple[float, bool]] = {}

@@ -10,14 +10,13 @@ from frametwin.blender.plans import plan_from_object
 from frametwin.blender.print_jobs import WORDS_KEY, batch_shown, jobs_in, remove_job, show_job_steps
 from frametwin.blender.runner import Job
 from frametwin.errors import InputError
-from frametwin.files import remove_leftovers
 from frametwin.formats import frame_json
 from frametwin.printing.history import read_history
 
 from . import session
 from .deform import hide_plan
-from .folders import fresh_folder, given_folder
-from .preferences import draw_python, python_worker, worker_kind
+from .folders import fresh_folder, given_folder, work_folder
+from .preferences import draw_python, worker_job
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
 TITLE = "Print"
@@ -34,13 +33,13 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
     """
     settings, scene_now = settings_of(context).print, keep(context.scene)
     frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=context.scene))
-    modes, taken = MODES[settings.mode], fresh_folder(context, "print")
-    number, top, told = int(taken.name.rpartition("-")[2]), [], []
+    modes, parent = MODES[settings.mode], work_folder(context)
+    top, told = [], []
     plan = {"batch_size": settings.batch_size} if settings.batch_size else {}
 
     def job(place: int) -> Job:
         mode = modes[place]
-        out = taken.with_name(f"print-{number + place:03d}")
+        out = fresh_folder(parent, "print")
         adapt = mode != "blind"
         steered = {"adapt": adapt, "reprint": adapt, "compensate": mode == "compensate"}
         wanted = {"plan": {**plan, **steered}, "seed": settings.seed}
@@ -57,15 +56,13 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
             told.append(f"{dict(adapt='Adapted', blind='As designed').get(mode, 'Compensated')}: {words_of(answer)}")
             return ". ".join(told)
 
-        return Job(
-            title=TITLE,
-            request="print-simulate",
-            parameters={"frame": frame, "out": out, "settings": wanted},
-            worker=python_worker,
-            kind=worker_kind(),
+        return worker_job(
+            TITLE,
+            "print-simulate",
+            {"frame": frame, "settings": wanted, "whole": True},
+            finish,
+            out=out,
             load=lambda answer: (answer, read_history(answer["out"])),
-            finish=finish,
-            clean=lambda: remove_leftovers(out),
             then=(lambda: job(place + 1)) if place + 1 < len(modes) else None,
         )
 
@@ -109,7 +106,8 @@ def plan_print_job(context: bpy.types.Context) -> Job:
     FrameTwinError
         If the plan cannot be read.
     """
-    settings, scene_now, out = settings_of(context).print, keep(context.scene), fresh_folder(context, "print")
+    settings, scene_now = settings_of(context).print, keep(context.scene)
+    out = fresh_folder(work_folder(context), "print")
     wanted = {"batch_size": settings.batch_size} if settings.batch_size else {}
     frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=context.scene))
 
@@ -118,15 +116,7 @@ def plan_print_job(context: bpy.types.Context) -> Job:
         return f"Job {answer['out']}: print its first batch, take the pictures, then Answer"
         yield
 
-    return Job(
-        title=TITLE,
-        request="print-plan",
-        parameters={"frame": frame, "out": out, "settings": wanted},
-        worker=python_worker,
-        kind=worker_kind(),
-        finish=finish,
-        clean=lambda: remove_leftovers(out),
-    )
+    return worker_job(TITLE, "print-plan", {"frame": frame, "settings": wanted}, finish, out=out)
 
 
 def answer_job(context: bpy.types.Context) -> Job:
@@ -149,14 +139,12 @@ def answer_job(context: bpy.types.Context) -> Job:
         scene.frame_set(scene.frame_end)
         return f"Batch {answer['batch']} answered; the next waypoints are in {folder}"
 
-    return Job(
-        title=TITLE,
-        request="print-next",
-        parameters={"job": folder, "capture": capture},
-        worker=python_worker,
-        kind=worker_kind(),
+    return worker_job(
+        TITLE,
+        "print-next",
+        {"job": folder, "capture": capture},
+        finish,
         load=lambda answer: (answer, read_history(folder)),
-        finish=finish,
     )
 
 

@@ -10,7 +10,6 @@ from frametwin.blender.child import blender_worker
 from frametwin.blender.keeping import keep
 from frametwin.blender.prints import read_print
 from frametwin.blender.runner import Job
-from frametwin.files import remove_leftovers
 
 from . import session
 from .cameras import cameras_of
@@ -29,7 +28,7 @@ def render_job(context: bpy.types.Context) -> Job:
         If plan, print or cameras cannot be read.
     """
     settings, scene = settings_of(context), keep(context.scene)
-    out = fresh_folder(context, "capture")
+    out = fresh_folder(work_folder(context), "capture")
     real = read_print(plan_of(context), print_of(context), context.scene)
     parameters = capture_parameters(
         real,
@@ -52,7 +51,7 @@ def render_job(context: bpy.types.Context) -> Job:
         worker=blender_worker,
         kind=None,
         finish=finish,
-        clean=lambda: remove_leftovers(out),
+        out=out,
     )
 
 

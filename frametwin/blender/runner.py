@@ -10,11 +10,13 @@ import threading
 from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from frametwin.blender.new_folder import NewFolder
 from frametwin.errors import Cancelled, FrameTwinError
 from frametwin.worker.client import ENDED, WorkerClient
 
@@ -50,8 +52,9 @@ class Job:
         Puts it into the scene, in steps of some milliseconds; cleans up after itself if it raises or is closed.
     clear
         Takes away what ``on_curves`` has shown; called once, however the job ends.
-    clean
-        Called in a thread after the process was killed: removes what it may have left on disk.
+    out
+        A folder that the worker makes, whole or not at all: nothing of it is left if the job is cancelled, however
+        late. What is there before, or was made by others, stays. ``None`` where nothing is written.
     then
         Gives the job that follows if this one ends well; ``None`` for none.
     """
@@ -65,7 +68,7 @@ class Job:
     load: Callable[[dict[str, Any]], Any] = lambda result: result
     on_curves: Callable[[np.ndarray], None] | None = None
     clear: Callable[[], None] = lambda: None
-    clean: Callable[[], None] = lambda: None
+    out: Path | None = None
     then: Callable[[], Job] | None = None
 
 
@@ -145,6 +148,8 @@ class Runner:
         self._steps: Steps | None = None
         self._result: Any = None
         self._held = False
+        self._folder: NewFolder | None = None
+        self._written = False  # whether the worker has said that the folder is there
         self._deadline: float | None = None  # of a job that was cancelled
 
     @property
@@ -175,8 +180,9 @@ class Runner:
         """
         if self._job is not None:
             raise FrameTwinError(f"{self._job.title} is still under way; wait for it or cancel it")
-        self._held = False
+        self._held = self._written = False
         self._steps = self._result = self._deadline = None
+        self._folder = None if job.out is None else NewFolder(job.out)
         if job.request is None or job.worker is None:
             self._job, self._client, self._key = job, None, None
             self.status = Status(job.title, "reading")
@@ -258,6 +264,8 @@ class Runner:
             self._job.on_curves(curves)
 
     def _fail(self, event: Mapping[str, Any]) -> None:
+        if event["kind"] == ENDED and self._folder is not None:
+            _tidy_aside(self._folder, False)
         if event["kind"] == "cancelled" or self.cancelling:
             raise Cancelled
         if event["kind"] == ENDED:
@@ -266,17 +274,15 @@ class Runner:
 
     def _arrived(self, result: dict[str, Any]) -> None:
         assert self._job is not None
+        job = self._job
+        self._key, self._written = None, True
         if self.cancelling:
             raise Cancelled
-        job = self._job
-        self._key = None
         self.status.stage, self.status.total, self.status.loss = "reading the result", 0, None
         self._run_in_thread(lambda: job.load(result), self._loaded)
 
     def _loaded(self, value: Any) -> None:
         assert self._job is not None
-        if self.cancelling:
-            raise Cancelled
         self._result = value
         self.status.stage = "showing the result"
         self._steps = self._job.finish(value)
@@ -302,29 +308,31 @@ class Runner:
             return
         self.status.stage = "stopping"
         self._deadline = perf_counter() + GRACE
-        if self._steps is not None:
+        if self._client is None or self._written:  # nobody but this process is still at it
             self._end(False, "Cancelled", cancelled=True)
-        elif self._client is not None and self._key is not None:
+        elif self._key is not None:
             self._client.cancel(self._key)
 
     def _kill(self) -> None:
         """End the process of the job without waiting for it here."""
-        client, job = self._client, self._job
+        client, folder = self._client, self._folder
         self._client = None
-        assert job is not None
         if client is None:
             return
         self._forget(client)
 
         def kill() -> None:
             client.close(0.0)
-            job.clean()
+            if folder is not None:
+                _tidy(folder, _has_answered(client))
 
         threading.Thread(target=kill, name="end of a worker", daemon=True).start()
 
     def _end(self, error: bool, message: str, cancelled: bool = False) -> None:
-        job, client, steps = self._job, self._client, self._steps
+        job, client, steps, reading = self._job, self._client, self._steps, self._thread
         assert job is not None
+        if cancelled and self._written and self._folder is not None:
+            _tidy_aside(self._folder, True, reading)
         self._job = self._client = self._key = self._steps = self._result = self._deadline = None
         self._answer, self._thread = [], None
         if steps is not None:
@@ -352,16 +360,16 @@ class Runner:
 
     def close(self) -> None:
         """End everything at once: no process and nothing shown is left. A job that runs is cancelled."""
-        clients = {*self._kept.values(), *([] if self._client is None else [self._client])}
-        job = self._job
+        job, client, folder, written = self._job, self._client, self._folder, self._written
+        clients = {*self._kept.values(), *([] if client is None else [client])}
         self._kept = {}
         if job is not None:
-            self._client = None
+            self._client, self._written = None, False
             self._end(False, "Cancelled", cancelled=True)
-        for client in clients:
-            client.close(0.2)
-        if job is not None:
-            job.clean()
+        for each in clients:
+            each.close(0.2)
+        if job is not None and folder is not None:
+            _tidy(folder, written or (client is not None and _has_answered(client)))
 
     def _run_in_thread(
         self, work: Callable[[], Any], then: Callable[[Any], None], dispose: Callable[[], None] = lambda: None
@@ -384,6 +392,30 @@ class Runner:
 
         self._thread = threading.Thread(target=run, name="beginning or end of a job", daemon=True)
         self._thread.start()
+
+
+def _has_answered(client: WorkerClient) -> bool:
+    """Whether among what a worker said last, and nobody has heard, is that it has done the job."""
+    return any(event["event"] == "result" for event in client.poll(10**6))
+
+
+def _tidy(folder: NewFolder, written: bool) -> None:
+    """Leave nothing of a job that was cancelled; a folder that the worker did not say it wrote may be another's."""
+    if written:
+        folder.remove()
+    else:
+        folder.remove_leftovers()
+
+
+def _tidy_aside(folder: NewFolder, written: bool, reading: threading.Thread | None = None) -> None:
+    """Do the same without waiting for it here, once nobody reads the folder any more."""
+
+    def tidy() -> None:
+        if reading is not None:
+            reading.join()
+        _tidy(folder, written)
+
+    threading.Thread(target=tidy, name="end of a job", daemon=True).start()
 
 
 def _close_aside(client: WorkerClient) -> None:

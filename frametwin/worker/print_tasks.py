@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+from frametwin.files import staged_directory
 from frametwin.printing.answer import AnswerOptions
 from frametwin.printing.job import Job
 from frametwin.printing.plan_job import PlanOptions, plan_job
@@ -95,6 +97,7 @@ def simulate(
     settings: dict[str, Any] | None = None,
     order: Path | None = None,
     overwrite: bool = False,
+    whole: bool = False,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
     """Print a frame without a robot.
@@ -103,6 +106,8 @@ def simulate(
     ----------
     frame, out, order, overwrite
         As for `plan`. A simulation that was stopped goes on.
+    whole
+        Write the folder whole or not at all: nothing is left of a simulation that is stopped.
     settings
         Fields of `frametwin.printing.simulate.SimulationOptions` that shall differ from the usual ones; ``plan``,
         ``print`` and ``rig`` are objects with fields of their own.
@@ -117,6 +122,11 @@ def simulate(
     if isinstance(wanted.get("plan"), dict):
         wanted["plan"] = {"allow_contact": True, **wanted["plan"]}
     options = SimulationOptions(**convert_fields(SimulationOptions, wanted, "settings"))
-    simulated = simulate_print(out, frame_of(frame), options, order=order, overwrite=overwrite, progress=progress)
-    draw_print(out / PICTURE, simulated)
-    return {"out": out, **simulated.as_dict()}
+    design = frame_of(frame)
+    with staged_directory(out, overwrite) if whole else nullcontext(out) as folder:
+        simulated = simulate_print(folder, design, options, order=order, overwrite=overwrite, progress=progress)
+        draw_print(folder / PICTURE, simulated)
+    told = simulated.as_dict()
+    if told["held"] is not None:
+        told["held"] = told["held"].replace(str(folder), str(out))  # of the folder that stood in for it
+    return {"out": out, **told}

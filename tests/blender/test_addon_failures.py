@@ -180,6 +180,18 @@ def test_rendering_is_cancelled_without_a_rest(tab: Any, session: Any) -> None:
     assert tab.fit.capture.endswith("capture")
 
 
+@pytest.mark.parametrize("stage", ["reading the result", "showing the result"])
+def test_a_fit_that_is_cancelled_at_its_end_leaves_no_folder(tab: Any, session: Any, stage: str) -> None:
+    before = cases.scene_state()
+    tab.fit.preset = "fast"
+    ops.fit()
+    cases.pump_until(lambda: session.runner.status.stage == stage, pump=lambda: session.runner.pump(0.0))
+    assert [path.name for path in Path(tab.render.folder).iterdir()] == ["run-001"]
+    ops.cancel()
+    assert cases.scene_state() == before and tab.twin is None
+    until(lambda: not Path(tab.render.folder).exists(), "the end of the run folder")
+
+
 def test_a_scene_that_is_deleted_while_a_job_runs(tab: Any, session: Any, scene: Any) -> None:
     tab.fit.preset = "fast"
     ops.fit()

@@ -11,6 +11,7 @@ import bpy
 import extension_cases as cases
 import numpy as np
 import pytest
+from worker_cases import until
 
 from frametwin.blender.curves import wireframe_from_curve
 from frametwin.blender.print_jobs import (
@@ -51,6 +52,9 @@ def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any
     adapted, blind = jobs_in(scene)
     assert tab.print.job.endswith("print-002") and tab.plan.hide_viewport
     history = read_history(Path(tab.print.job).with_name("print-001"))
+    work = Path(tab.render.folder)
+    assert sorted(path.name for path in work.iterdir()) == ["print-001", "print-002"]
+    assert not [file for file in work.rglob("*.json") if ".part" in file.read_text()]  # the folder it was made in
     assert history.adapts and not read_history(tab.print.job).adapts
     assert len(adapted.children) == len(history.batches) > 1
     for number, (batch, inner) in enumerate(zip(history.batches, adapted.children, strict=True)):
@@ -89,6 +93,16 @@ def check_film(job: Path, folder: Path) -> None:
     assert len(pictures) == len(read_history(job).batches)
     first, last = (decode_png(path.read_bytes()) for path in (pictures[0], pictures[-1]))
     assert first.shape[:2] == (180, 320) and np.abs(first.astype(int) - last).max() > 50
+
+
+def test_a_simulated_print_that_is_cancelled_leaves_no_folder(tab: Any, scene: Any) -> None:
+    before = cases.scene_state()
+    ops.simulate_print()
+    runner = cases.addon("session").runner
+    cases.pump_until(lambda: runner.status.stage == "printing" and runner.status.iteration > 0)
+    ops.cancel()
+    assert cases.pump_until_done() == "Cancelled" and cases.scene_state() == before
+    until(lambda: not Path(tab.render.folder).exists(), "the end of the job folder")
 
 
 def test_a_job_for_a_robot_is_planned_and_shown_where_nothing_is_printed(tab: Any, scene: Any) -> None:

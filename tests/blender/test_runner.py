@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from worker_cases import EXTRA_JOBS, is_gone, until, worker_python
 
-from frametwin.blender.runner import Job, Runner
+from frametwin.blender.runner import GRACE, Job, Runner
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.worker.client import WorkerClient
 
@@ -88,14 +89,83 @@ def test_cancelling_a_job_that_listens_keeps_its_process(runner: Runner) -> None
 
 
 def test_cancelling_a_job_that_does_not_listen_kills_it(runner: Runner, tmp_path: Path) -> None:
-    cleaned: list[int] = []
-    runner.start(job("stubborn", clean=lambda: cleaned.append(1)))
+    out = tmp_path / "made" / "run"
+    runner.start(job("stubborn", out=out))
     until(lambda: runner.pump() and runner._key is not None, "the request")
     (pid,) = runner.pids
     time.sleep(0.5)  # cancelled before it begins, it would be no trouble
+    (out.parent / ".run.0123.part").mkdir(parents=True)  # as it would leave it
     runner.cancel()
     assert run(runner) == "Cancelled" and not runner.pids
-    until(lambda: is_gone(pid) and cleaned == [1], "the end of the process")
+    until(lambda: is_gone(pid) and not out.parent.exists(), "the end of the process, and of what it left")
+
+
+def late(runner: Runner, out: Path, moment: str, release: threading.Event) -> None:
+    """Have a folder written, up to some moment after it is."""
+
+    def load(result: Any) -> None:
+        if moment == "reading the result":
+            release.wait(60.0)
+
+    def finish(value: Any) -> Any:
+        while True:
+            yield
+
+    runner.start(job("write", {"out": out, "steps": 0}, out=out, load=load, finish=finish))
+    if moment == "unheard":
+        until(lambda: (out / "half").exists(), "the folder")
+    else:
+        until(lambda: runner.pump(0.0) and runner.status.stage == moment, moment)
+        assert (out / "half").exists()
+
+
+@pytest.mark.parametrize("moment", ["unheard", "reading the result", "showing the result"])
+def test_nothing_is_left_of_a_job_that_is_cancelled_when_it_is_done(
+    runner: Runner, tmp_path: Path, moment: str
+) -> None:
+    out, release = tmp_path / "made" / "run", threading.Event()
+    late(runner, out, moment, release)
+    runner.cancel()
+    if moment == "unheard":
+        time.sleep(2.0 * GRACE)  # Blender was busy elsewhere, and the time to stop is over
+    assert run(runner) == "Cancelled" and not runner.status.error
+    release.set()
+    until(lambda: not out.parent.exists(), "the end of the folder")
+    runner.start(job("count"))
+    assert run(runner) == "got {'steps': 3}"
+
+
+def test_nothing_is_left_of_a_job_that_is_done_when_all_is_closed(runner: Runner, tmp_path: Path) -> None:
+    release = threading.Event()
+    late(runner, tmp_path / "run", "reading the result", release)
+    release.set()
+    runner.close()
+    assert not list(tmp_path.iterdir())
+
+
+def test_folders_of_others_stay(runner: Runner, tmp_path: Path) -> None:
+    before = tmp_path / "before"
+    before.mkdir()
+    late(runner, before, "showing the result", threading.Event())
+    runner.cancel()
+    meanwhile = tmp_path / "meanwhile"
+    runner.start(job("write", {"out": meanwhile}, out=meanwhile))
+    until(lambda: runner.pump() and runner.status.total, "the first step")
+    meanwhile.mkdir()
+    (meanwhile / "of another").write_text("1")
+    runner.cancel()
+    assert run(runner) == "Cancelled"
+    until(lambda: sorted(path.name for path in tmp_path.iterdir()) == ["before", "meanwhile"], "the end of the rest")
+    time.sleep(0.2)  # in which a thread would remove what it may not
+    assert (before / "half").exists() and (meanwhile / "of another").exists()
+
+
+def test_a_job_that_ends_well_keeps_its_folder(runner: Runner, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    runner.start(job("write", {"out": out, "steps": 0}, out=out))
+    assert run(runner) == "got {}"
+    runner.close()
+    assert (out / "half").exists()
 
 
 @pytest.mark.parametrize("moment", ["at once", "later"])

@@ -57,10 +57,10 @@ def stubborn() -> dict[str, Any]:
     return {"sum": sum(itertools.repeat(1, 10**12))}
 
 
-def write(out: Path, progress: ProgressCallback | None = None) -> dict[str, Any]:
+def write(out: Path, steps: int = 10**6, progress: ProgressCallback | None = None) -> dict[str, Any]:
     with staged_directory(out) as stage:
         (stage / "half").write_text("half")
-        count(10**6, 0.01, "writing", progress)
+        count(steps, 0.01, "writing", progress)
     return {}
 
 
