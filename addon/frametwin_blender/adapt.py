@@ -16,8 +16,8 @@ from frametwin.errors import InputError
 
 from . import session
 from .fit import start_run
-from .preferences import worker_job
-from .steps import Panel, SaveStep, Step, draw_progress, draw_shown, is_free, needs, twin_of, write_text
+from .preferences import can_compute, draw_python, worker_job
+from .steps import Panel, SaveStep, Step, draw_progress, draw_shown, needs, twin_of, write_text
 
 TITLE = "Adapt"
 
@@ -56,7 +56,7 @@ class FRAMETWIN_OT_adapt(Step, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs(cls, twin_of(context), "Fit a capture or import a run first") and is_free(cls)
+        return needs(cls, twin_of(context), "Fit a capture or import a run first") and can_compute(cls)
 
     def act(self, context):
         session.start(adapt_job(context))
@@ -100,6 +100,7 @@ class FRAMETWIN_PT_adapt(Panel, bpy.types.Panel):
             write_text(layout, "Fit a partly printed frame first; then its other struts are moved.", context, "INFO")
             return
         if not draw_progress(layout, context, TITLE):
+            draw_python(layout, context)
             layout.operator("frametwin.adapt", icon="MOD_CURVE")
         adapted = find_adapted(twin)
         if adapted is not None:

@@ -14,8 +14,8 @@ from frametwin.blender.runner import Job
 from frametwin.formats import frame_json
 
 from . import session
-from .preferences import draw_python, worker_job
-from .steps import Panel, Step, draw_progress, draw_shown, is_free, needs, plan_of, print_of, settings_of, write_text
+from .preferences import can_compute, draw_python, worker_job
+from .steps import Panel, Step, draw_progress, draw_shown, needs, plan_of, print_of, settings_of, write_text
 
 TITLE = "Sag"
 
@@ -83,7 +83,7 @@ class FRAMETWIN_OT_sag(Step, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs(cls, plan_of(context), "Import or add a frame first") and is_free(cls)
+        return needs(cls, plan_of(context), "Import or add a frame first") and can_compute(cls)
 
     def act(self, context):
         session.start(sag_job(context))

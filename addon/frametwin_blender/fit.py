@@ -20,8 +20,8 @@ from . import session
 from .deform import hide
 from .folders import fresh_folder, given_folder, work_folder
 from .plan import take_plan
-from .preferences import draw_python, worker_job
-from .steps import Panel, Step, draw_progress, is_free, needs, settings_of, twin_of, write_text
+from .preferences import can_compute, draw_python, worker_job
+from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, write_text
 from .views import frame_selected
 
 TITLE = "Fit"
@@ -126,7 +126,7 @@ class FRAMETWIN_OT_fit(Step, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs(cls, settings_of(context).fit.capture, "Choose or render a capture first") and is_free(cls)
+        return needs(cls, settings_of(context).fit.capture, "Choose or render a capture first") and can_compute(cls)
 
     def act(self, context):
         session.start(fit_job(context))

@@ -1,6 +1,7 @@
 """Preferences: the Python in which the fitter runs, its set-up and its test."""
 
 # No postponed annotations here: Blender reads them as properties.
+import os
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
@@ -13,11 +14,14 @@ from frametwin.blender.runner import Job, Steps
 from frametwin.errors import InputError
 from frametwin.worker.client import WorkerClient, find_python
 from frametwin.worker.installation import Installation, Installer, installed_python
+from frametwin.worker.interpreter import VARIABLE
 
 from . import session
 from .steps import Step, draw_progress, is_free, needs, write_text
 
 TITLE = "Test"
+WHERE = "Preferences > Add-ons > FrameTwin"
+REMEDY = f"press Set Up in {WHERE}, or choose another Python there"
 LOOK_AGAIN = 3.0  # seconds
 
 
@@ -57,6 +61,9 @@ class FrameTwinPreferences(bpy.types.AddonPreferences):
         self._draw_set_up(layout, context)
 
     def _draw_found(self, layout, context):
+        if is_being_set_up():
+            write_text(layout, "It is being set up, see below; nothing can be computed meanwhile.", context, "INFO")
+            return
         try:
             write_text(layout, f"In use: {chosen_python()}", context, "CONSOLE")
         except InputError:
@@ -72,9 +79,7 @@ class FrameTwinPreferences(bpy.types.AddonPreferences):
         if installer is None:
             return
         if installer.running:
-            row = box.row(align=True)
-            row.progress(factor=(installer.number + 0.5) / installer.total, text=installer.stage)
-            row.operator("frametwin.cancel_set_up", text="", icon="X")
+            draw_set_up_progress(box)
         elif installer.done:
             write_text(box, "The environment is ready.", context, "CHECKMARK")
         elif installer.error:
@@ -105,24 +110,45 @@ def chosen_python() -> str:
     Raises
     ------
     InputError
-        If there is none; the message says what to do.
+        If there is none, or it is being set up; the message says what to do.
     """
     preferences = preferences_of()
+    if is_being_set_up():
+        raise InputError(f"FrameTwin's Python is being set up: wait until that is done, or cancel it in {WHERE}.")
     if preferences is not None and preferences.python:
-        return find_python(bpy.path.abspath(preferences.python))
-    ready = installed_python(environment_folder()) if __package__.startswith("bl_ext.") else None
+        return find_python(bpy.path.abspath(preferences.python), remedy=REMEDY)
+    ready = installed_python(environment_folder()) if _has_place() else None
     try:
-        return ready or find_python()
+        return ready or find_python(remedy=REMEDY)
     except InputError as error:
-        raise InputError(
-            "FrameTwin has no Python to compute with yet: press Set Up in Preferences > Add-ons > FrameTwin, or choose"
-            " one there."
-        ) from error
+        if os.environ.get(VARIABLE, "").strip():
+            raise  # somebody wants that one
+        raise InputError(f"FrameTwin has no Python to compute with yet: {REMEDY}.") from error
+
+
+def is_being_set_up() -> bool:
+    """Whether the Python in which the fitter would run is being set up; one that the user has chosen is not."""
+    if session.installer is None or not session.installer.running:
+        return False
+    preferences = preferences_of()
+    chosen = "" if preferences is None else preferences.python
+    return not chosen or (_has_place() and Path(bpy.path.abspath(chosen)).is_relative_to(environment_folder()))
+
+
+def _has_place() -> bool:
+    """Whether Blender gives this add-on a folder: it does to extensions alone."""
+    return bool(__package__.startswith("bl_ext."))
+
+
+def can_compute(cls: type) -> bool:
+    """Whether the worker can begin a job, as an answer of a ``poll``; that there is a Python is seen then."""
+    ready = needs(cls, not is_being_set_up(), "The fitter's Python is being set up: wait until that is done")
+    return ready and is_free(cls)
 
 
 def python_worker() -> WorkerClient:
     """A worker in that Python, not started yet."""
-    return WorkerClient(chosen_python())
+    return WorkerClient(chosen_python(), remedy=REMEDY)
 
 
 def worker_job(
@@ -182,9 +208,19 @@ def has_python() -> bool:
     return found
 
 
+def draw_set_up_progress(layout: bpy.types.UILayout) -> None:
+    """How far the set-up that is under way is, with a button to cancel it."""
+    installer = session.installer
+    row = layout.row(align=True)
+    row.progress(factor=(installer.number + 0.5) / installer.total, text=f"Set Up: {installer.stage}")
+    row.operator("frametwin.cancel_set_up", text="", icon="X")
+
+
 def draw_python(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Where there is no Python yet, say so, and show the way."""
-    if not has_python():
+    if is_being_set_up():
+        draw_set_up_progress(layout)
+    elif not has_python():
         write_text(layout, "The fitter has no Python yet: set it up in the preferences.", context, "ERROR")
         layout.operator("frametwin.open_preferences", icon="PREFERENCES")
 
@@ -228,11 +264,16 @@ class FRAMETWIN_OT_set_up(Step, bpy.types.Operator):
     def poll(cls, context):
         online = needs(cls, bpy.app.online_access, "Allow online access in Preferences > System > Network first")
         running = session.installer is not None and session.installer.running
-        return online and needs(cls, not running, "The set-up is under way")
+        under_way = f"{session.runner.status.title} is under way: wait for it, or cancel it, before you set up"
+        return (
+            online
+            and needs(cls, not running, "The set-up is under way")
+            and needs(cls, not session.runner.busy, under_way)
+        )
 
     def act(self, context):
         preferences = preferences_of()
-        session.runner.close()  # a worker in the environment would be pulled from under its feet
+        session.runner.close()  # a worker that waits in the environment would be pulled from under its feet
         session.start_installation(
             Installer(
                 Installation(
@@ -268,7 +309,7 @@ class FRAMETWIN_OT_test_python(Step, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return is_free(cls)
+        return can_compute(cls)
 
     def act(self, context):
         session.start(test_job())
@@ -287,9 +328,7 @@ def test_job() -> Job:
     def finish(versions):
         missing = [name for name in ("torch", "numba", "scipy") if versions.get(name) is None]
         if missing:
-            raise InputError.at(
-                client.python, "packages", f"lacks {', '.join(missing)}", "set the environment up again"
-            )
+            raise InputError.at(client.python, "packages", f"lacks {', '.join(missing)}", REMEDY)
         return (
             f"Works: Python {versions['python']}, PyTorch {versions['torch']}, FrameTwin {versions['frametwin']},"
             f" {versions['cores']} cores"

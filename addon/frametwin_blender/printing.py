@@ -16,7 +16,7 @@ from frametwin.printing.history import read_history
 from . import session
 from .deform import hide_plan
 from .folders import fresh_folder, given_folder, work_folder
-from .preferences import draw_python, worker_job
+from .preferences import can_compute, draw_python, worker_job
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
 TITLE = "Print"
@@ -151,7 +151,7 @@ def answer_job(context: bpy.types.Context) -> Job:
 class _PlanStep(Step):
     @classmethod
     def poll(cls, context):
-        return needs(cls, plan_of(context), "Import or add a frame first") and is_free(cls)
+        return needs(cls, plan_of(context), "Import or add a frame first") and can_compute(cls)
 
 
 class FRAMETWIN_OT_simulate_print(_PlanStep, bpy.types.Operator):
@@ -192,7 +192,8 @@ class FRAMETWIN_OT_answer_print(_JobStep, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         capture = settings_of(context).fit.capture
-        return super().poll(context) and needs(cls, capture, "Choose the batch's pictures first (Fit > Capture)")
+        chosen = needs(cls, capture, "Choose the batch's pictures first (Fit > Capture)")
+        return chosen and super().poll(context) and can_compute(cls)
 
     def act(self, context):
         session.start(answer_job(context))

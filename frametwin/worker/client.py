@@ -56,6 +56,8 @@ class WorkerClient:
     command
         The whole command that starts the worker, where that is not ``python -m frametwin.worker``: a Blender is told
         differently what to run. ``python`` then only names it in messages.
+    remedy
+        What to do about a Python that cannot be used, where that is not to install FrameTwin there by hand.
 
     Attributes
     ----------
@@ -71,8 +73,10 @@ class WorkerClient:
         environment: Mapping[str, str | None] | None = None,
         package_root: str | os.PathLike[str] | None = None,
         command: Sequence[str] | None = None,
+        remedy: str | None = None,
     ) -> None:
         self.python = os.fspath(python)
+        self._remedy = remedy
         self._command = [self.python, "-m", "frametwin.worker"] if command is None else list(command)
         self.versions: dict[str, Any] = {}
         self._cwd = cwd
@@ -135,15 +139,16 @@ class WorkerClient:
         except (OSError, ValueError) as error:
             remove_scratch(self._scratch)
             reason = getattr(error, "strerror", None) or str(error)
-            raise InputError.at(self.python, "Python", f"cannot be run ({reason})", REMEDY) from error
+            raise InputError.at(self.python, "Python", f"cannot be run ({reason})", self._remedy or REMEDY) from error
         _clients.add(self)
         try:
             ready = self._events.wait_for(lambda event: event["event"] in ("ready", _GONE), timeout)
             if ready is None:
-                raise InputError.at(self.python, "worker", f"did not answer within {timeout:g} s", REMEDY)
+                problem = f"did not answer within {timeout:g} s"
+                raise InputError.at(self.python, "worker", problem, self._remedy or REMEDY)
             if ready["event"] == _GONE:
-                raise start_problem(self.python, self._child.obituary(), self.last_words)
-            check_versions(self.python, ready)
+                raise start_problem(self.python, self._child.obituary(), self.last_words, self._remedy)
+            check_versions(self.python, ready, self._remedy)
         except BaseException:
             self.close()
             raise

@@ -12,7 +12,7 @@ from frametwin.worker.interpreter import REMEDY
 from frametwin.worker.protocol import PROTOCOL
 
 
-def check_versions(python: str, ready: Mapping[str, Any]) -> None:
+def check_versions(python: str, ready: Mapping[str, Any], remedy: str | None = None) -> None:
     """Refuse a worker of another version.
 
     Parameters
@@ -21,6 +21,8 @@ def check_versions(python: str, ready: Mapping[str, Any]) -> None:
         Where it runs.
     ready
         Its first event.
+    remedy
+        What to do, where that is not to install FrameTwin by hand.
 
     Raises
     ------
@@ -29,19 +31,23 @@ def check_versions(python: str, ready: Mapping[str, Any]) -> None:
     """
     theirs = ready.get("frametwin")
     if theirs != __version__:
-        raise InputError.at(python, "frametwin", f"is {theirs} where {__version__} is needed", _update(python))
+        problem = f"is {theirs} where {__version__} is needed"
+        raise InputError.at(python, "frametwin", problem, remedy or _update(python))
     if ready.get("protocol") != PROTOCOL:
         problem = f"speaks protocol {ready.get('protocol')} where {PROTOCOL} is needed"
-        raise InputError.at(python, "worker", problem, _update(python))
+        raise InputError.at(python, "worker", problem, remedy or _update(python))
 
 
-def start_problem(python: str, obituary: str, words: str) -> InputError:
-    """The error for a Python that ended before it was a worker, from the way it ended and its last words."""
+def start_problem(python: str, obituary: str, words: str, remedy: str | None = None) -> InputError:
+    """The error for a Python that ended before it was a worker, from the way it ended and its last words.
+
+    ``remedy`` as for `check_versions`.
+    """
     if re.search(r"No module named '?frametwin'?(?![.\w])", words):
-        return InputError.at(python, "frametwin", "is not installed there", REMEDY)
+        return InputError.at(python, "frametwin", "is not installed there", remedy or REMEDY)
     if re.search(r"No module named '?frametwin\.worker'?(?![.\w])", words):
-        return InputError.at(python, "frametwin", "is an older one, without a worker", _update(python))
-    return InputError.at(python, "worker", f"did not start, it {obituary}", REMEDY)
+        return InputError.at(python, "frametwin", "is an older one, without a worker", remedy or _update(python))
+    return InputError.at(python, "worker", f"did not start, it {obituary}", remedy or REMEDY)
 
 
 def _update(python: str) -> str:

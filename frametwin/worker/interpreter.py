@@ -22,13 +22,15 @@ REMEDY = (
 )
 
 
-def find_python(given: str | os.PathLike[str] | None = None) -> str:
+def find_python(given: str | os.PathLike[str] | None = None, *, remedy: str = REMEDY) -> str:
     """Find the Python that has the libraries.
 
     Parameters
     ----------
     given
         What the user chose, if anything: a Python, its name on the search path, or the folder of an environment.
+    remedy
+        What to do if there is none, where the user has another way than the one by hand.
 
     Returns
     -------
@@ -41,33 +43,33 @@ def find_python(given: str | os.PathLike[str] | None = None) -> str:
         installed there is seen when a worker is started.
     """
     if given is not None and str(given).strip():
-        return _program(str(given).strip(), "Python")
+        return _program(str(given).strip(), "Python", remedy)
     named = os.environ.get(VARIABLE, "").strip()
     if named:
-        return _program(named, VARIABLE)
+        return _program(named, VARIABLE, remedy)
     running = sys.executable or ""
     if not Path(running).stem.lower().startswith(("python", "pypy")):
-        raise InputError.at(running or "this program", "Python", "is no Python", REMEDY)
+        raise InputError.at(running or "this program", "Python", "is no Python", remedy)
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
-        raise InputError.at(running, "Python", f"lacks what FrameTwin computes with ({', '.join(missing)})", REMEDY)
+        raise InputError.at(running, "Python", f"lacks what FrameTwin computes with ({', '.join(missing)})", remedy)
     return running
 
 
-def _program(given: str, field: str) -> str:
+def _program(given: str, field: str, remedy: str) -> str:
     path = Path(given).expanduser()
     if path.is_dir():
         inside = [path / "bin" / "python", path / "Scripts" / "python.exe", path / "python.exe"]
         path = next((file for file in inside if file.is_file()), path)
         if path.is_dir():
-            raise InputError.at(given, field, "is a folder without a Python in it", REMEDY)
+            raise InputError.at(given, field, "is a folder without a Python in it", remedy)
     elif not path.is_file():
         found = shutil.which(given)
         if found is None:
-            raise InputError.at(given, field, "does not exist", REMEDY)
+            raise InputError.at(given, field, "does not exist", remedy)
         path = Path(found)
     if not os.access(path, os.X_OK):
-        raise InputError.at(given, field, "is not a program that can be run", REMEDY)
+        raise InputError.at(given, field, "is not a program that can be run", remedy)
     return os.path.abspath(path)  # not resolved: an environment's Python is known by its own place
 
 

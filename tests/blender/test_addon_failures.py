@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import bpy
 import extension_cases as cases
 import pytest
-from worker_cases import is_gone, script, until
+from worker_cases import is_gone, script, until, worker_python
 
 from frametwin.blender.curves import wireframe_from_curve
 from frametwin.blender.preview import KEY as PREVIEW
 from frametwin.blender.twins import find_twin
+from frametwin.errors import InputError
 
 ops = bpy.ops.frametwin
+REMEDY = "press Set Up in Preferences > Add-ons > FrameTwin, or choose another Python there"
 posix = pytest.mark.skipif(os.name == "nt", reason="shell scripts and signals are for POSIX")
 
 
@@ -78,7 +82,7 @@ def test_a_worker_that_is_killed_is_reported_and_the_next_fit_works(tab: Any, se
 def test_a_python_that_is_missing(tab: Any, session: Any, tmp_path: Path) -> None:
     cases.addon("preferences").preferences_of().python = str(tmp_path / "nowhere")
     before = cases.scene_state()
-    assert "nowhere: Python: does not exist" in cases.refused(ops.fit)
+    assert f"nowhere: Python: does not exist; {REMEDY}" in cases.refused(ops.fit)
     assert cases.scene_state() == before and not session.runner.busy
 
 
@@ -90,10 +94,66 @@ def test_a_worker_of_another_version(tab: Any, session: Any, tmp_path: Path) -> 
     before = cases.scene_state()
     ops.fit()
     words = cases.pump_until_done()
-    assert "9.9.9 where" in words and "pip install" in words and "Traceback" not in words
+    assert "9.9.9 where" in words and REMEDY in words and "Traceback" not in words
     assert cases.scene_state() == before and not session.runner.pids
     ops.test_python()
     assert "9.9.9" in cases.pump_until_done()
+
+
+@posix
+def test_a_python_without_frametwin(tab: Any, session: Any, tmp_path: Path) -> None:
+    bare = script(tmp_path / "python", f'exec "{sys.executable}" -S -I "$@"')
+    cases.addon("preferences").preferences_of().python = bare
+    ops.fit()
+    assert cases.pump_until_done() == f"{bare}: frametwin: is not installed there; {REMEDY}."
+
+
+class UnderWay:
+    """What the preferences look at of a set-up that is under way."""
+
+    running, number, total, stage, log = True, 1, 3, "installing PyTorch", ()
+
+    def cancel(self, wait: float = 0.0) -> None:
+        self.running = False
+
+
+@pytest.fixture
+def online() -> Iterator[None]:
+    """Set Up is offered to those alone who let Blender use the network; nothing is loaded here."""
+    system = bpy.context.preferences.system
+    before, system.use_online_access = system.use_online_access, True
+    yield
+    system.use_online_access = before
+
+
+def test_set_up_waits_for_the_job_that_runs(tab: Any, session: Any, online: None) -> None:
+    assert ops.set_up.poll()
+    ops.fit()
+    assert "Fit is under way: wait for it, or cancel it" in cases.refused(ops.set_up)
+    assert session.runner.busy and session.installer is None
+    ops.cancel()
+    cases.pump_until_done()
+    assert ops.set_up.poll()
+
+
+def test_nothing_is_computed_with_a_python_that_is_being_set_up(
+    tab: Any, session: Any, online: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ops.open_capture()
+    monkeypatch.setattr(session, "installer", UnderWay())
+    assert "is under way" in cases.refused(ops.set_up)
+    for operator in (ops.fit, ops.sag, ops.simulate_print, ops.plan_print, ops.test_python):
+        assert "is being set up: wait until that is done" in cases.refused(operator)
+    preferences = cases.addon("preferences")
+    with pytest.raises(InputError, match="is being set up: wait until that is done, or cancel it in Preferences"):
+        preferences.chosen_python()
+    preferences.preferences_of().python = str(preferences.environment_folder() / "bin" / "python")
+    assert not ops.fit.poll()
+    preferences.preferences_of().python = worker_python()  # another one that the user has
+    assert ops.fit.poll() and preferences.chosen_python() == os.path.abspath(worker_python())
+    preferences.preferences_of().python = ""
+    ops.cancel_set_up()
+    assert ops.fit.poll() and ops.set_up.poll()
 
 
 def test_the_test_button_tells_versions(session: Any) -> None:
