@@ -18,6 +18,9 @@ from frametwin.wireframe import Wireframe
 from .steps import FileStep, Panel, Step, needs, plan_of, settings_of, write_text
 from .views import frame_selected, suit_millimetres
 
+UNREADABLE = "unreadable"
+"""Kind of the problem of a plan that cannot be read at all."""
+
 
 def take_plan(context: bpy.types.Context, obj: bpy.types.Object, summary: PlanSummary) -> str:
     """Make an object the scene's plan; returns what there is to say of it."""
@@ -43,6 +46,14 @@ def note_summary(about: bpy.types.PropertyGroup, obj: bpy.types.Object, summary:
         item = about.problems.add()
         item.kind, item.sentence = problem.kind, problem.sentence
         item["struts"] = np.array(problem.struts, dtype=np.int32)
+
+
+def note_unreadable(about: bpy.types.PropertyGroup, obj: bpy.types.Object, error: InputError) -> None:
+    """Remember why the plan cannot be read (any more); what was known of it before holds no longer."""
+    about.checked, about.struts = obj.name, 0
+    about.problems.clear()
+    item = about.problems.add()
+    item.kind, item.sentence = UNREADABLE, str(error)
 
 
 def take_frame(context: bpy.types.Context, frame: Wireframe) -> str:
@@ -122,9 +133,13 @@ class FRAMETWIN_OT_check_plan(Step, bpy.types.Operator):
         return needs(cls, plan_of(context), "Import or add a frame first")
 
     def act(self, context):
-        plan = plan_of(context)
-        summary = plan_summary(plan, context.scene)
-        note_summary(settings_of(context).about_plan, plan, summary)
+        plan, about = plan_of(context), settings_of(context).about_plan
+        try:
+            summary = plan_summary(plan, context.scene)
+        except InputError as error:
+            note_unreadable(about, plan, error)
+            raise
+        note_summary(about, plan, summary)
         return words_of(summary)
 
 
@@ -207,17 +222,19 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
         if about.checked != plan.name:
             layout.operator("frametwin.check_plan", icon="FILE_REFRESH")
             return
-        column = layout.column(align=True)
-        column.label(text=f"{about.struts} struts, {about.joints} joints")
-        column.label(text="Size {:.0f} x {:.0f} x {:.0f} mm".format(*about.size))
-        column.label(text=f"Strut radius {about.radius:.3g} mm")
+        if about.struts:
+            column = layout.column(align=True)
+            column.label(text=f"{about.struts} struts, {about.joints} joints")
+            column.label(text="Size {:.0f} x {:.0f} x {:.0f} mm".format(*about.size))
+            column.label(text=f"Strut radius {about.radius:.3g} mm")
         self._draw_problems(layout, about, context)
 
     def _draw_problems(self, layout, about, context):
         for problem in about.problems:
             box = layout.box()
             write_text(box, problem.sentence, context, "ERROR")
-            box.operator("frametwin.select_culprits", text="Select").kind = problem.kind
+            if problem.kind != UNREADABLE:
+                box.operator("frametwin.select_culprits", text="Select").kind = problem.kind
         row = layout.row(align=True)
         if not about.problems:
             row.label(text="Sound", icon="CHECKMARK")

@@ -170,6 +170,7 @@ def read_curve(
     if not len(splines.segments[0]):
         raise InputError.at(source, "splines", "the curve holds no segment", "draw at least one strut")
     place = Placement.of(obj, depsgraph)
+    place.refuse_flat(source)
     record = load_record(obj.data, source)
     rows = _still_there(splines.control_points, record)
     if record is not None and _has_its_order(splines, record, rows):

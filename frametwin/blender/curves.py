@@ -135,8 +135,7 @@ def update_curve(
     count = len(record.edges)
     world = checked_array(control_points, "f", (count, 4, 3), where, "control_points")
     place = Placement.quickly(obj, scene)
-    if place.scale < 1e-9:
-        raise InputError.at(where, "scale", "is zero", "give the object a size")
+    place.refuse_flat(where)
     points = place.to_object(world)  # (E, 4, 3) mm
     vertices = record.vertices * (place.unit / record.mm_per_unit)
     vertices[record.edges] = points[:, [0, 3]]

@@ -68,6 +68,10 @@ def evaluated_object(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> b
     return evaluated
 
 
+FLAT = 1e-6
+"""A scale that is as much smaller than the largest one, or more, is taken to be zero."""
+
+
 @dataclass(frozen=True, eq=False)
 class Placement:
     """How an object lies in the world.
@@ -111,6 +115,24 @@ class Placement:
     def scale(self) -> float:
         """The object's scale: the cube root of its factor of volume, as `Wireframe.transformed` has it."""
         return float(np.cbrt(abs(np.linalg.det(self.matrix[:3, :3]))))
+
+    def refuse_flat(self, source: str) -> None:
+        """Refuse an object that is scaled to nothing along an axis: what is drawn flat is no frame to be printed.
+
+        Raises
+        ------
+        InputError
+            With the axes; ``source`` is what to call the object.
+        """
+        axes = np.linalg.norm(self.matrix[:3, :3], axis=0)
+        least = FLAT * float(axes.max())
+        flat = [name for name, size in zip("XYZ", axes.tolist(), strict=True) if size <= least]
+        if flat:
+            problem = f"is zero along {', '.join(flat)}"
+            raise InputError.at(source, "scale", problem, "give the object a size there (sidebar > Item > Scale)")
+        if np.linalg.svd(self.matrix[:3, :3], compute_uv=False)[-1] <= least:
+            problem = "that of its parents makes it flat"
+            raise InputError.at(source, "scale", problem, "give them a size, or unparent it")
 
     def to_world(self, points: np.ndarray) -> np.ndarray:
         """World mm of points (..., 3) in mm along the object's axes."""

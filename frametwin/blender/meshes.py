@@ -90,7 +90,7 @@ def read_mesh(
     Raises
     ------
     InputError
-        If the object is no mesh, holds no edges, or see `joined`.
+        If the object is no mesh, holds no edges, is scaled to nothing, or see `joined`.
     """
     source = label(obj)
     if obj.type != "MESH":
@@ -101,6 +101,7 @@ def read_mesh(
     if not len(edges):
         raise InputError.at(source, "edges", "the mesh holds none", "draw an edge for every strut")
     place = Placement.of(obj, depsgraph)
+    place.refuse_flat(source)
     graph = joined(
         obj.name,
         source,

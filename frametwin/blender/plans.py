@@ -56,8 +56,8 @@ def plan_from_object(
     Raises
     ------
     InputError
-        If the object is of another type, empty, without edges, holds NURBS splines (whose points say nothing about
-        joints) or a closed strut, or `Wireframe` refuses what is drawn.
+        If the object is of another type, empty, without edges, scaled to nothing along an axis, holds NURBS splines
+        (whose points say nothing about joints) or a closed strut, or `Wireframe` refuses what is drawn.
     """
     if obj.type == "MESH":
         return read_mesh(obj, reading, evaluated=evaluated, scene=scene).plan()

@@ -230,6 +230,19 @@ def test_what_is_wrong_with_a_plan_is_said_and_selected(tab: Any, tmp_path: Path
     assert bpy.context.mode == "OBJECT" and not len(tab.about_plan.problems)
 
 
+def test_a_plan_that_is_scaled_to_nothing_is_not_sound(tab: Any) -> None:
+    ops.add_frame()
+    assert not len(tab.about_plan.problems)
+    tab.plan.scale = (1.0, 0.0, 1.0)
+    assert "scale: is zero along Y" in cases.refused(ops.check_plan)
+    (problem,) = tab.about_plan.problems
+    assert "is zero along Y; give the object a size there" in problem.sentence and not tab.about_plan.struts
+    assert "is zero along Y" in cases.refused(ops.sag)
+    tab.plan.scale = (1.0, 1.0, 1.0)
+    ops.check_plan()
+    assert not len(tab.about_plan.problems) and tab.about_plan.struts == 76
+
+
 def test_a_mesh_that_is_selected_becomes_the_plan(tab: Any, link: Any) -> None:
     assert not ops.use_selected.poll()
     mesh = bpy.data.meshes.new("cross")

@@ -48,6 +48,30 @@ def curve_object(link: Link, *splines: tuple[str, list[tuple[float, float, float
     return link("drawing", curve)
 
 
+# Scale
+
+
+@pytest.mark.parametrize("kind", ["mesh", "curve", "frame"])
+def test_what_is_scaled_to_nothing_is_no_plan(scene: Any, link: Link, kind: str) -> None:
+    obj = {
+        "mesh": lambda: mesh_object(link),
+        "curve": lambda: curve_object(link, ("POLY", CUBE, False)),
+        "frame": lambda: wireframe_to_curve(Wireframe.create(1000.0 * np.array(CUBE), CUBE_EDGES)),
+    }[kind]()
+    obj.scale = (1.0, 1.0, 0.0)
+    with pytest.raises(InputError, match=f"object {obj.name}: scale: is zero along Z; give the object a size there"):
+        plan_from_object(obj)
+    obj.scale = (0.0, -1.0, 0.0)
+    with pytest.raises(InputError, match="scale: is zero along X, Z; "):
+        plan_and_deformed(obj)
+    obj.scale = (1e-3, -1e-3, 2e-3)
+    assert plan_from_object(obj).strut_count
+    parent = link("parent", None)
+    parent.scale, obj.rotation_euler, obj.parent = (0.0, 1.0, 1.0), (0.4, 0.5, 0.6), parent
+    with pytest.raises(InputError, match="scale: that of its parents makes it flat; "):
+        plan_from_object(obj)
+
+
 # Meshes
 
 
@@ -257,7 +281,7 @@ def test_what_is_no_plan_is_refused_in_words(scene: Any, link: Link) -> None:
         "bare": (link("bare", bpy.data.meshes.new("m")), "edges: the mesh holds none; draw an edge"),
         "dots": (mesh_object(link, CUBE, []), "edges: the mesh holds none"),
         "point": (mesh_object(link, [(0, 0, 0), (0, 0, 0)], [(0, 1)]), "geometry: holds no edge or segment"),
-        "flat": (mesh_object(link), "geometry: holds no edge or segment with a length"),
+        "flat": (mesh_object(link), "scale: is zero along X, Y, Z; give the object a size"),
     }
     cases["flat"][0].scale = (0.0, 0.0, 0.0)
     for obj, words in cases.values():
