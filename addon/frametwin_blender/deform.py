@@ -14,6 +14,7 @@ from frametwin.blender.runner import Job
 from frametwin.formats import frame_json
 
 from . import session
+from .in_view import hide_plan
 from .preferences import can_compute, draw_python, worker_job
 from .steps import Panel, Step, draw_progress, draw_shown, needs, plan_of, print_of, settings_of, write_text
 
@@ -58,20 +59,6 @@ def sag_job(context: bpy.types.Context) -> Job:
         )
 
     return worker_job(TITLE, "simulate", {"frame": frame_json.to_dict(frame), "settings": wanted}, finish)
-
-
-def hide(obj: bpy.types.Object | None) -> None:
-    """Hide the plan, which stands where the print is shown, or both, where the twin is; not from who is editing it.
-
-    The buttons of the panels show it again.
-    """
-    if obj is not None and obj.mode == "OBJECT":
-        obj.hide_viewport = True
-
-
-def hide_plan(scene: bpy.types.Scene) -> None:
-    """Hide the scene's plan; see `hide`."""
-    hide(scene.frametwin.plan)
 
 
 class FRAMETWIN_OT_sag(Step, bpy.types.Operator):

@@ -17,8 +17,8 @@ from frametwin.capture import read_capture
 from frametwin.errors import InputError
 
 from . import session
-from .deform import hide
 from .folders import fresh_folder, given_folder, work_folder
+from .in_view import hide, twin_shows
 from .plan import take_plan
 from .preferences import can_compute, draw_python, worker_job
 from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, write_text
@@ -47,8 +47,6 @@ def fit_job(context: bpy.types.Context) -> Job:
         scene = scene_now()
         shown = yield from show_twin_steps(content, scene=scene)
         take_twin(scene.frametwin, shown)
-        hide(scene.frametwin.plan)
-        hide(scene.frametwin.print_object)
         if not user_is_editing():
             make_active(shown.twin)
         return words_of(content)
@@ -81,10 +79,12 @@ def start_run(context: bpy.types.Context) -> str:
 
 
 def take_twin(settings: bpy.types.PropertyGroup, shown: TwinObjects) -> None:
-    """Make a twin the one that is looked at, by what was looked at before where it has that."""
+    """Make a twin the one that is looked at, in the place of plan and print, by what was looked at before if it can."""
     if settings.view.quantity not in shown.values:
         settings.twin, settings.view.quantity = None, "displacement"
     settings.twin = shown.collection
+    hide(settings.plan)
+    hide(settings.print_object)
 
 
 def words_of(content: TwinContent) -> str:
@@ -111,9 +111,14 @@ class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
         settings = settings_of(context)
         folder = given_folder(settings.fit.capture, "Capture")
         capture, cameras = read_capture(folder), read_calibration(folder)
-        words = take_plan(context, add_plan(capture.frame, context.scene), PlanSummary.of(capture.frame))
+        same = twin_shows(context, capture.frame)
+        words = take_plan(
+            context, add_plan(capture.frame, context.scene), PlanSummary.of(capture.frame), keep_twin=same
+        )
         settings.rig = replace_rig(settings.rig, cameras, context.scene, capture.frame)
         frame_selected(context)
+        if same:
+            hide(settings.plan)  # as where the twin comes out of a fit
         return f"{words}; {len(cameras)} cameras"
 
 

@@ -15,20 +15,22 @@ from frametwin.formats import read_frame
 from frametwin.parametric import named_frame
 from frametwin.wireframe import Wireframe
 
-from .steps import FileStep, Panel, Step, needs, plan_of, settings_of, write_text
+from .in_view import make_way
+from .steps import FileStep, Panel, Step, draw_chosen, needs, plan_of, settings_of, write_text
 from .views import frame_selected, suit_millimetres
 
 UNREADABLE = "unreadable"
 """Kind of the problem of a plan that cannot be read at all."""
 
 
-def take_plan(context: bpy.types.Context, obj: bpy.types.Object, summary: PlanSummary) -> str:
-    """Make an object the scene's plan; returns what there is to say of it."""
+def take_plan(context: bpy.types.Context, obj: bpy.types.Object, summary: PlanSummary, keep_twin: bool = False) -> str:
+    """Make an object the scene's plan, in the place of the one before; returns what there is to say of it."""
     settings = settings_of(context)
+    beside = make_way(context, obj, keep_twin)
     settings.plan, settings.print_object = obj, None
     note_summary(settings.about_plan, obj, summary)
     faults = f"; {words_of(summary)}" if summary.problems else ""
-    return f"{obj.name}: {summary.struts} struts, {summary.joints} joints{faults}"
+    return f"{obj.name}: {summary.struts} struts, {summary.joints} joints{faults}{beside}"
 
 
 def words_of(summary: PlanSummary) -> str:
@@ -218,7 +220,7 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
         row.operator("frametwin.use_selected", text="Use Selected")
         if plan is None:
             return
-        layout.prop(settings, "plan", text="")
+        draw_chosen(layout, settings, "plan")
         if about.checked != plan.name:
             layout.operator("frametwin.check_plan", icon="FILE_REFRESH")
             return

@@ -14,8 +14,8 @@ from frametwin.formats import frame_json
 from frametwin.printing.history import read_history
 
 from . import session
-from .deform import hide_plan
 from .folders import fresh_folder, given_folder, work_folder
+from .in_view import hide_plan
 from .preferences import can_compute, draw_python, worker_job
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 

@@ -18,6 +18,7 @@ from bpy.props import (
 from frametwin.blender.twins import is_twin
 from frametwin.parametric import FRAMES
 
+from .in_view import plan_chosen, twin_chosen
 from .recolour import recolour_active, recolour_afresh, restyle_active
 
 PRESETS = (
@@ -286,6 +287,10 @@ class FrameTwinSettings(bpy.types.PropertyGroup):
         type=bpy.types.Object,
         description="The frame as it was designed",
         poll=lambda self, obj: obj.type in {"CURVE", "MESH"},
+        update=plan_chosen,
+    )
+    plan_before: PointerProperty(  # type: ignore[valid-type]
+        type=bpy.types.Object, description="The plan, also while another one is being chosen", options={"HIDDEN"}
     )
     print_object: PointerProperty(  # type: ignore[valid-type]
         name="Print",
@@ -303,7 +308,10 @@ class FrameTwinSettings(bpy.types.PropertyGroup):
         type=bpy.types.Collection,
         description="The twin that is looked at",
         poll=lambda self, collection: is_twin(collection),
-        update=recolour_afresh,
+        update=twin_chosen,
+    )
+    twin_before: PointerProperty(  # type: ignore[valid-type]
+        type=bpy.types.Collection, description="The twin, also while another one is being chosen", options={"HIDDEN"}
     )
     about_plan: PointerProperty(type=FrameTwinPlan)  # type: ignore[valid-type]
     deform: PointerProperty(type=FrameTwinDeform)  # type: ignore[valid-type]

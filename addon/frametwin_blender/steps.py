@@ -132,6 +132,18 @@ def wrapped(text: str, width: int) -> list[str]:
     return [line for line in lines if line]
 
 
+def draw_chosen(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str) -> bpy.types.UILayout:
+    """A list to choose from, with an eye that shows or hides what is chosen; the row, for more."""
+    row = layout.row(align=True)
+    row.use_property_split = False
+    row.prop(settings, name, text="")
+    chosen = getattr(settings, name)
+    if chosen is not None:
+        icon = "HIDE_ON" if chosen.hide_viewport else "HIDE_OFF"
+        row.prop(chosen, "hide_viewport", text="", icon=icon, invert_checkbox=True)
+    return row
+
+
 def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object | None]) -> None:
     """A button for each object that shows or hides it."""
     row = layout.row(align=True)

@@ -19,6 +19,7 @@ from .steps import (
     Panel,
     SaveStep,
     Step,
+    draw_chosen,
     draw_shown,
     needs,
     plan_of,
@@ -81,6 +82,7 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
 
     def act(self, context):
         struts = chosen_struts(context, self.kind)
+        twin_of(context).hide_viewport = False
         count = show_struts(find_twin(twin_of(context)).twin, struts)
         frame_selected(context)
         return f"{count} struts selected"
@@ -97,6 +99,7 @@ class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
 
     def act(self, context):
         struts, view = chosen_struts(context, "worst"), settings_of(context).view
+        twin_of(context).hide_viewport = False
         shown = find_twin(twin_of(context))
         view.at = (view.at + self.step) % len(struts) if view.at >= 0 else 0
         strut = int(struts[view.at])
@@ -115,6 +118,7 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def act(self, context):
+        twin_of(context).hide_viewport = False
         make_active(find_twin(twin_of(context)).twin)
         settings_of(context).view.at, settings_of(context).view.at_words = -1, ""
         frame_selected(context)
@@ -172,8 +176,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             layout.prop(settings, "twin", text="")
             layout.operator("frametwin.import_run", icon="IMPORT")
             return
-        row = layout.row(align=True)
-        row.prop(settings, "twin", text="")
+        row = draw_chosen(layout, settings, "twin")
         row.operator("frametwin.remove_twin", text="", icon="X")
         self._draw_colours(layout, settings.view)
         values, missing, uncertain = load_values(collection)

@@ -16,13 +16,21 @@ from frametwin.blender.units import mm_per_unit
 from frametwin.errors import InputError
 from frametwin.wireframe import Wireframe
 
+KEY = "frametwin_plan"
+
 
 def add_plan(frame: Wireframe, scene: bpy.types.Scene | None = None) -> bpy.types.Object:
     """Put a frame into the scene as a curve object, selected and active."""
     scene = bpy.context.scene if scene is None else scene
     obj = wireframe_to_curve(frame, scene=scene)
+    obj[KEY] = True
     make_active(obj)
     return obj
+
+
+def is_added_plan(obj: bpy.types.Object) -> bool:
+    """Whether an object was made by `add_plan`, and not drawn by the user."""
+    return KEY in obj
 
 
 def make_active(obj: bpy.types.Object) -> bool:

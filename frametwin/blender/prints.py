@@ -96,6 +96,11 @@ def copy_to_bend(plan_object: bpy.types.Object, scene: bpy.types.Scene | None = 
     return obj
 
 
+def is_made_print(obj: bpy.types.Object) -> bool:
+    """Whether an object was made by `show_print_steps` or `copy_to_bend`, and not drawn by the user."""
+    return KEY in obj
+
+
 def _mark(obj: bpy.types.Object, present: np.ndarray) -> None:
     obj[KEY] = np.ascontiguousarray(present, dtype=np.float64).ravel()
     paint(obj, "FrameTwin print", PRINT_COLOUR)

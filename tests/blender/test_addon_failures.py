@@ -332,6 +332,19 @@ def test_undo_while_a_fit_runs_does_it_no_harm(tab: Any, session: Any, scene: An
     assert find_twin(bpy.context.scene.frametwin.twin)
 
 
+def test_undo_brings_the_plan_before_back_into_view(tab: Any, scene: Any) -> None:
+    if not bpy.ops.ed.undo_push.poll():
+        pytest.skip("this Blender has no undo without a window")
+    ops.add_frame()
+    bpy.ops.ed.undo_push(message="one")
+    first = tab.plan.name
+    ops.add_frame()
+    bpy.ops.ed.undo_push(message="another")
+    assert bpy.data.objects[first].hide_viewport
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.frametwin.plan.name == first and not bpy.data.objects[first].hide_viewport
+
+
 def test_undo_takes_back_and_redo_brings_again(tab: Any, scene: Any) -> None:
     if not bpy.ops.ed.undo_push.poll():
         pytest.skip("this Blender has no undo without a window")

@@ -258,6 +258,91 @@ def test_a_mesh_that_is_selected_becomes_the_plan(tab: Any, link: Any) -> None:
     assert tab.about_plan.struts == 3
 
 
+def in_view() -> set[str]:
+    return {obj.name for obj in bpy.context.view_layer.objects if obj.visible_get()}
+
+
+def test_another_plan_takes_the_place_of_the_one_in_view(tab: Any, tmp_path: Path) -> None:
+    ops.add_frame()
+    first = tab.plan
+    tab.about_plan.frame = "half_bowl"
+    ops.add_frame()
+    second = tab.plan
+    assert second != first and in_view() == {second.name}
+    tab.plan = first  # in the list
+    assert in_view() == {first.name}
+    ops.sag()
+    cases.pump_until_done()
+    assert in_view() == {tab.print_object.name}
+    write_frame(tmp_path / "third.json", named_frame("lattice_tower"))
+    ops.import_frame(filepath=str(tmp_path / "third.json"))
+    assert in_view() == {tab.plan.name} and tab.print_object is None
+    assert {first.name, second.name} < set(bpy.data.objects.keys())
+
+
+def test_another_plan_hides_nothing_that_is_the_users_own(tab: Any, link: Any) -> None:
+    mesh = bpy.data.meshes.new("cross")
+    mesh.from_pydata([(0, 0, 0), (0, 0, 0.04), (0.03, 0, 0.04)], [(0, 1), (1, 2)], [])
+    bpy.context.view_layer.objects.active = link("cross", mesh)
+    ops.use_selected()
+    words = take(tab, named_frame("bridge"))
+    assert words.endswith("; cross, of your own, stays in view") and in_view() == {"cross", tab.plan.name}
+    bpy.context.view_layer.objects.active = bpy.data.objects["cross"]
+    ops.use_selected()
+    assert in_view() == {"cross"}
+    bpy.data.objects["cross"].hide_set(True)
+    assert "stays in view" not in take(tab, named_frame("bridge"))
+
+
+def take(tab: Any, frame: Wireframe) -> str:
+    return str(cases.addon("plan").take_frame(bpy.context, frame))
+
+
+def test_another_plan_hides_the_twin_but_for_the_capture_it_is_of(
+    tab: Any, small_capture: Path, rich_frame: Wireframe
+) -> None:
+    from test_blender_twins import shifted
+
+    frame = read_capture(small_capture).frame
+    shown = show_twin(shifted(frame, [0.0, 0.0, 2.0]), frame)
+    tab.twin, tab.fit.capture = shown.collection, str(small_capture)
+    both = {shown.plan.name, shown.twin.name}
+    ops.open_capture()  # for its cameras
+    assert in_view() - {camera.name for camera in tab.rig.objects} == both
+    ops.add_frame()
+    assert in_view() - {camera.name for camera in tab.rig.objects} == {tab.plan.name}
+    tab.twin = show_twin(shifted(rich_frame, [0.0, 0.0, 2.0]), rich_frame).collection
+    ops.open_capture()
+    assert in_view() - {camera.name for camera in tab.rig.objects} == {tab.plan.name}
+
+
+def test_another_twin_takes_the_place_of_plan_print_and_twin(tab: Any, small_capture: Path) -> None:
+    tab.fit.capture = str(small_capture)
+    ops.open_capture()
+    ops.sag()
+    cases.pump_until_done()
+    for camera in list(tab.rig.objects):
+        bpy.data.objects.remove(camera)
+    runs = []
+    for _ in range(2):
+        ops.fit()
+        cases.pump_until_done()
+        runs.append(tab.twin)
+        assert in_view() == {obj.name for obj in tab.twin.objects}
+    tab.twin = runs[0]  # in the list
+    assert in_view() == {obj.name for obj in runs[0].objects}
+    tab.plan.hide_viewport = False
+    ops.import_run(directory=find_twin(runs[1]).collection["frametwin_run"])
+    assert tab.twin not in runs and in_view() == {obj.name for obj in tab.twin.objects}
+    ops.add_frame()
+    assert in_view() == {tab.plan.name}
+    ops.select_struts(kind="worst")
+    assert find_twin(tab.twin).twin.name in in_view() and bpy.context.mode == "EDIT_CURVE"
+    last = tab.twin
+    tab.twin = runs[0]
+    assert find_twin(last).twin.name in in_view() and bpy.context.mode == "EDIT_CURVE"
+
+
 def test_two_scenes_have_settings_of_their_own(tab: Any, scene: Any) -> None:
     ops.add_frame()
     other = bpy.data.scenes.new("other")

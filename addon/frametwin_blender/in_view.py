@@ -1,0 +1,84 @@
+"""What is in view where something else comes to stand in its place: what the add-on made gives way, hers stays."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from frametwin.blender.curves import wireframe_from_curve
+from frametwin.blender.plan_objects import is_added_plan
+from frametwin.blender.prints import is_made_print
+from frametwin.blender.twins import find_twin
+from frametwin.errors import InputError
+from frametwin.wireframe import Wireframe
+
+from .recolour import recolour_afresh
+from .steps import plan_of, print_of, twin_of
+
+
+def hide(obj: bpy.types.Object | None) -> None:
+    """Hide the plan, which stands where the print is shown, or both, where the twin is; not from who is editing it.
+
+    The panels' buttons and eyes show it again.
+    """
+    if obj is not None and obj.mode == "OBJECT":
+        obj.hide_viewport = True
+
+
+def hide_plan(scene: bpy.types.Scene) -> None:
+    """Hide the scene's plan; see `hide`."""
+    hide(scene.frametwin.plan)
+
+
+def plan_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Show the plan that was chosen in the place of the one before; called by Blender when it changes.
+
+    An object that the user drew herself is not hidden: she would not know why it is gone.
+    """
+    new, old = settings.plan, settings.plan_before
+    if new is None or new == old:
+        return
+    if old is not None and is_added_plan(old):
+        hide(old)
+    new.hide_viewport = False
+    settings.plan_before = new
+
+
+def twin_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Show the twin that was chosen in the place of the one before; called by Blender when it changes."""
+    new, old = settings.twin, settings.twin_before
+    if new is not None and new != old:
+        hide_twin(old)
+        new.hide_viewport = False
+        settings.twin_before = new
+    recolour_afresh(settings, context)
+
+
+def hide_twin(collection: bpy.types.Collection | None) -> None:
+    """Hide a twin with all that belongs to it; not from who is editing it."""
+    if collection is not None and all(obj.mode == "OBJECT" for obj in collection.all_objects):
+        collection.hide_viewport = True
+
+
+def make_way(context: bpy.types.Context, plan: bpy.types.Object, keep_twin: bool = False) -> str:
+    """Hide the print and the twin of the plan before; returns what there is to say of what stays in view."""
+    before, real, twin = plan_of(context), print_of(context), twin_of(context)
+    if real is not None and is_made_print(real):
+        hide(real)
+    if not keep_twin:
+        hide_twin(twin)
+    stays = [obj for obj, ours in ((before, is_added_plan), (real, is_made_print)) if obj is not None and not ours(obj)]
+    names = sorted({obj.name for obj in stays if obj != plan and obj.visible_get()})
+    return f"; {' and '.join(names)}, of your own, stays in view" if names else ""
+
+
+def twin_shows(context: bpy.types.Context, frame: Wireframe) -> bool:
+    """Whether the twin that is looked at is one of this very frame."""
+    twin = twin_of(context)
+    if twin is None:
+        return False
+    try:
+        plan = wireframe_from_curve(find_twin(twin).plan, evaluated=False)
+    except InputError:
+        return False
+    return np.array_equal(plan.control_points, frame.control_points)
