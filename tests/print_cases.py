@@ -42,10 +42,15 @@ class LeaningPrint:
         new = new[~held[new] & ~self.design.grounded[new]]
         self.vertices[new] = plan.vertices[new]
         self.printed[struts] = True
-        share = self.design.vertices[:, 2] / self.design.vertices[:, 2].max()
         there = self.design.replace(printed=self.printed).printed_vertices()
-        self.vertices += np.where(there, share**2, 0.0)[:, None] * self.lean
+        self.vertices += np.where(there[:, None], self.step, 0.0)
         return self.standing()
+
+    @property
+    def step(self) -> np.ndarray:
+        """(V, 3) mm by which each joint moves in a batch once it is there."""
+        share = self.design.vertices[:, 2] / self.design.vertices[:, 2].max()
+        return (share**2)[:, None] * self.lean
 
     def standing(self, without: Collection[int] = ()) -> Wireframe:
         """What stands, as a frame."""

@@ -11,8 +11,10 @@ from frametwin.fields.base import DeformationField, Floats, checked_points
 from frametwin.fit.api import field_through
 from frametwin.print_order import print_order
 from frametwin.printing.adapt import adapt
-from frametwin.printing.compensation import Observation, SagForecast, compensate
+from frametwin.printing.anticipation import Anticipation, drift_rate
+from frametwin.printing.compensation import SagForecast, compensate
 from frametwin.printing.growth import GrowingPrint
+from frametwin.printing.observation import Observation
 from frametwin.printing.sequence import PrintSequence
 from frametwin.twin import Twin
 from frametwin.wireframe import Wireframe
@@ -73,17 +75,22 @@ def lowest_first(frame: Wireframe, batches: int) -> PrintSequence:
     return PrintSequence(struts, np.array(start), np.tile([0.0, 0.0, 1.0], (len(struts), 1)), batch)
 
 
-def print_with_right_twins(printing: GrowingPrint, forecast: SagForecast | None = None) -> None:
+def print_with_right_twins(
+    printing: GrowingPrint, forecast: SagForecast | None = None, anticipates: bool = False
+) -> None:
     """Print the whole sequence, every batch answered by a twin that is right; compensated if there is a forecast."""
-    plan, seen = printing.design.replace(printed=np.zeros(printing.design.strut_count, dtype=bool)), []
+    plan = printing.design.replace(printed=np.zeros(printing.design.strut_count, dtype=bool))
+    seen: list[Observation] = []
     for batch in range(printing.sequence.batch_count):
-        printing.lay(batch, plan)
+        laying = printing.sequence.in_batch(batch)
+        ahead = Anticipation.of(plan, laying, drift_rate(seen) if anticipates else None)
+        printing.lay(batch, plan, laying, ahead.curves())
         real = printing.standing().frame
         asked = plan.replace(printed=plan.printed | (printing.sequence.laid_before(batch + 1, plan.strut_count)))
         stands, struts, _ = asked.replace(printed=real.printed).printed_part()
         field = field_through(stands, real.control_points[struts], (2, 5))
         twin = twin_at(real.vertices, real.control_points, completeness=real.printed.astype(float))
         plan = adapt(asked, twin, field)
+        seen.append(Observation.of(batch, asked, twin, struts=len(laying)))
         if forecast is not None:
-            seen.append(Observation.of(batch, asked, twin))
             plan = compensate(plan, printing.design, forecast.to_come(seen, batch + 1))

@@ -99,10 +99,10 @@ def test_options_of_the_plan_arrive(frame: Path, tmp_path: Path) -> None:
     job = tmp_path / "job"
     base, box = "400,0,20,90", "300,-100,15,500,300,400"
     more = ("--base", base, "--workspace", box, "--formats", "gcode,compas", "--max-tilt", "0", "--speed", "3")
-    plan(frame, job, *more, "--tip-radius", "0.7", "--reprint")
+    plan(frame, job, *more, "--tip-radius", "0.7", "--reprint", "--no-anticipate")
     settings = read_json(job / "job.json")["settings"]
     robot = settings["robot"]
-    assert settings["reprint"] and not settings["compensate"]
+    assert settings["reprint"] and not settings["compensate"] and not settings["anticipate"]
     assert robot["workspace"]["lower"] == [300, -100, 15] and robot["workspace"]["upper"] == [500, 300, 400]
     assert [row[3] for row in robot["workspace"]["base"]] == [400, 0, 20, 1]
     assert robot["workspace"]["base"][1][0] == pytest.approx(1.0)

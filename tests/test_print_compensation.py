@@ -9,8 +9,9 @@ from print_physics import lowest_first, print_with_right_twins, twin_at
 from frametwin.errors import InputError
 from frametwin.parametric import named_frame
 from frametwin.printing.calibration import linear_drift
-from frametwin.printing.compensation import BELIEFS, PULLS, Observation, SagForecast, compensate
+from frametwin.printing.compensation import BELIEFS, PULLS, SagForecast, compensate
 from frametwin.printing.growth import GrowingPrint
+from frametwin.printing.observation import Observation
 from frametwin.wireframe import Wireframe
 
 BATCHES = 12

@@ -58,7 +58,8 @@ def advance(job: Job, real: LeaningPrint, folder: Path, batches: int) -> None:
 
 def test_a_job_is_printed_by_hand_to_the_end(tmp_path: Path) -> None:
     design = named_frame("bridge")
-    job, real = small_job(tmp_path / "job", design, batch_size=20), LeaningPrint(design, 2.5 * LEAN)
+    job = small_job(tmp_path / "job", design, batch_size=20, anticipate=False)
+    real = LeaningPrint(design, 2.5 * LEAN)
     answered = []
     while (batch := job.current) is not None:
         standing = print_batch(job, real)
@@ -79,14 +80,40 @@ def test_a_job_is_printed_by_hand_to_the_end(tmp_path: Path) -> None:
 
 def assert_starts_are_met(job: Job, batch: int, real: LeaningPrint) -> None:
     """The robot is told to begin where the print really is."""
-    path = job.batch_folder(batch) / "waypoints" / f"batch_{batch:03d}.json"
-    waypoints = read_waypoints(path)
-    part = job.expectation(batch).sequence.in_batch(batch)
     held = real.standing().printed_vertices()
-    for strut, start in zip(part.struts, part.start, strict=True):
+    for start, position in starts(job, batch):
         if held[start]:
-            first = np.flatnonzero((waypoints.strut == strut) & (waypoints.kind == PRINT))[0] - 1
-            assert np.linalg.norm(waypoints.position[first] - real.vertices[start]) < 0.6
+            assert np.linalg.norm(position - real.vertices[start]) < 0.6
+
+
+def starts(job: Job, batch: int) -> list[tuple[int, np.ndarray]]:
+    """The joint at which the robot is told to begin each strut of a batch, and where."""
+    waypoints = read_waypoints(job.batch_folder(batch) / "waypoints" / f"batch_{batch:03d}.json")
+    part = job.expectation(batch).sequence.in_batch(batch)
+    rows = [np.flatnonzero((waypoints.strut == strut) & (waypoints.kind == PRINT))[0] - 1 for strut in part.struts]
+    return list(zip(part.start.tolist(), waypoints.position[rows], strict=True))
+
+
+def test_a_print_that_leans_on_is_met_where_it_will_be(tmp_path: Path) -> None:
+    job = small_job(tmp_path / "job", tower(3), batch_size=8)
+    real = LeaningPrint(job.design, 2.0 * LEAN)
+    advance(job, real, tmp_path, 1)
+    assert not job.anticipation(1).rate.any()  # nothing is known of how it moves yet
+    advance(job, real, tmp_path, 1)
+    held, told = real.standing().printed_vertices() & ~job.design.grounded, starts(job, 2)
+    meanwhile = [(place + 0.5) / 8.0 * real.step[start] for place, (start, _) in enumerate(told)]
+    gaps = [np.linalg.norm(real.vertices[start] - position) for start, position in told if held[start]]
+    ahead = [
+        np.linalg.norm(real.vertices[start] + way - position)
+        for way, (start, position) in zip(meanwhile, told, strict=True)
+        if held[start]
+    ]
+    assert len(ahead) and max(ahead) < 0.6 < max(gaps)
+    killed = Job(job.folder)
+    folder, before = job.batch_folder(2), fingerprint(job.batch_folder(2))
+    shutil.rmtree(folder)  # as if the process had been killed before the batch was in its place
+    killed.settle()
+    assert fingerprint(folder) == before
 
 
 def test_every_file_of_a_batch_is_there_and_readable(job: Job, real: LeaningPrint, tmp_path: Path) -> None:

@@ -113,6 +113,12 @@ def loop_options(function: Function) -> Function:
     """Add the options that say how a job goes on from batch to batch."""
     for option in reversed(
         (
+            click.option(
+                "--anticipate/--no-anticipate",
+                default=True,
+                show_default=True,
+                help="Lay struts where their joints will be by then, by how they have moved, or where they were seen.",
+            ),
             click.option("--compensate", is_flag=True, help="Print against the sag that is still to come."),
             click.option(
                 "--reprint/--no-reprint",

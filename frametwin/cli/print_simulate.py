@@ -78,6 +78,7 @@ class SimulateOptions:
     frame: str
     out: Path
     adapt: bool
+    anticipate: bool
     compensate: bool
     reprint: bool | None
     seed: int
@@ -101,7 +102,7 @@ class SimulateOptions:
     @property
     def plan(self) -> dict[str, Any]:
         """Fields of `frametwin.printing.plan_job.PlanOptions`."""
-        names = ("adapt", "compensate", "batch_size", "max_tilt_deg", *NOZZLE)
+        names = ("adapt", "anticipate", "compensate", "batch_size", "max_tilt_deg", *NOZZLE)
         reprint = self.adapt if self.reprint is None else self.reprint
         return {
             **split_nozzle({name: getattr(self, name) for name in names}),

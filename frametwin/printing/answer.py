@@ -22,11 +22,12 @@ from frametwin.printing import job_files as files
 from frametwin.printing.adapt import adapt, lost_struts
 from frametwin.printing.batch_capture import BatchCapture, take_capture
 from frametwin.printing.batch_fit import BatchFit, cropped, fit_batch
-from frametwin.printing.compensation import Observation, SagForecast, compensate
+from frametwin.printing.compensation import SagForecast, compensate
 from frametwin.printing.evidence import Evidence, Pictures
 from frametwin.printing.guards import Doubt, Expectation, hold
 from frametwin.printing.job_files import JobSettings
 from frametwin.printing.next_batch import NextBatch
+from frametwin.printing.observation import Observation
 from frametwin.printing.outcome import largest_deviation
 from frametwin.printing.requeue import laid_again
 from frametwin.printing.sequence import PrintSequence
@@ -91,16 +92,19 @@ class Step:
         What the cameras should see.
     earlier
         Hashes of the pictures of each batch before.
+    before
+        (V, 3) mm where the joints were when the batch began, and where new ones were to be laid.
     forecast
         Of how the print drifts, where the job compensates.
     seen
-        How far its joints drifted in the batches before.
+        How far joints drifted in the batches before: in all of them where the job compensates, else in the last ones.
     """
 
     design: Wireframe
     settings: JobSettings
     expected: Expectation
     earlier: Mapping[int, Mapping[str, str]]
+    before: np.ndarray
     forecast: SagForecast | None = None
     seen: Sequence[Observation] = ()
 
@@ -117,11 +121,14 @@ class GoingOn:
         In which order.
     again
         Struts that are laid once more, at the start of the next batch.
+    seen
+        How far joints drifted in this batch and in those before; nothing where the job does not adapt.
     """
 
     adapted: Wireframe
     sequence: PrintSequence
     again: np.ndarray
+    seen: Sequence[Observation] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +195,8 @@ def answer_batch(
     following = step.expected.batch + 1
     if following >= going.sequence.batch_count:
         return None
-    return NextBatch(following, going.adapted, going.sequence, contact=content["contact"])
+    contact = bool(content["contact"])
+    return NextBatch.after(going.adapted, going.sequence, following, going.seen, step.settings, contact)
 
 
 def _find(taken: BatchCapture, step: Step, options: AnswerOptions, progress: ProgressCallback | None) -> _Found:
@@ -239,17 +247,17 @@ def _going_on(step: Step, found: _Found | None, options: AnswerOptions) -> Going
     if step.settings.reprint if options.reprint is None else options.reprint:
         again = np.setdiff1d(sequence.struts[sequence.batch <= batch], np.flatnonzero(found.adapted.printed))
         sequence = laid_again(sequence, again, batch)
-    return GoingOn(_compensated(step, found), sequence, again)
+    frame, laid = step.expected.frame, len(step.expected.laid)
+    seen = (*step.seen, Observation.of(batch, frame, found.fit.result.twin, before=step.before, struts=laid))
+    return GoingOn(_compensated(step, found, seen), sequence, again, seen)
 
 
-def _compensated(step: Step, found: _Found) -> Wireframe:
+def _compensated(step: Step, found: _Found, seen: Sequence[Observation]) -> Wireframe:
     """The adapted plan, what is still to come being aimed against the sag still to come where that is wanted."""
     if step.forecast is None:
         return found.adapted
-    batch = step.expected.batch
-    seen = [*step.seen, Observation.of(batch, step.expected.frame, found.fit.result.twin)]
     known = [one for one in seen if one.batch < len(step.forecast.drift)]  # struts may be laid again in one more
-    return compensate(found.adapted, step.design, step.forecast.to_come(known, batch + 1))
+    return compensate(found.adapted, step.design, step.forecast.to_come(known, step.expected.batch + 1))
 
 
 def _doubts(step: Step, found: _Found, going: GoingOn) -> list[Doubt]:

@@ -16,11 +16,10 @@ import numpy as np
 
 from frametwin import bezier
 from frametwin.errors import InputError
-from frametwin.printing.adapt import AdaptSettings, lost_struts
 from frametwin.printing.calibration import linear_drift
 from frametwin.printing.material import PrintSettings
+from frametwin.printing.observation import Observation
 from frametwin.printing.sequence import PrintSequence
-from frametwin.twin import Twin
 from frametwin.wireframe import Wireframe
 
 PULLS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
@@ -40,34 +39,6 @@ neighbouring joints, and what is left of them, go together."""
 
 DOUBT = 4.0
 """Factors within so many variances of zero, two standard deviations, are taken for zero."""
-
-
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """How far joints drifted in a batch, as the twin saw it.
-
-    Attributes
-    ----------
-    batch
-        Its number.
-    drift
-        (V, 3) mm, from where the plan had the joint: where the twin before saw it, or where it was to be laid.
-    known
-        (V,) bool, True where the twin says so.
-    """
-
-    batch: int
-    drift: np.ndarray
-    known: np.ndarray
-
-    @classmethod
-    def of(cls, batch: int, plan: Wireframe, twin: Twin, settings: AdaptSettings | None = None) -> Observation:
-        """What a twin of ``plan`` saw, ``printed`` being what it was asked for."""
-        settings = AdaptSettings() if settings is None else settings
-        sure = plan.printed & (twin.confidence >= settings.confidence)
-        sure[lost_struts(plan, twin, settings)] = False
-        known = plan.replace(printed=sure).printed_vertices() & ~plan.grounded
-        return cls(batch, np.where(known[:, None], twin.vertices - plan.vertices, 0.0), known)
 
 
 @dataclass(frozen=True, eq=False)

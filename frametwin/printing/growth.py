@@ -84,7 +84,9 @@ class GrowingPrint:
         """The print has collapsed."""
         return bool(self.outcomes) and self.outcomes[-1].collapsed
 
-    def lay(self, batch: int, plan: Wireframe, laying: PrintSequence | None = None) -> BatchOutcome:
+    def lay(
+        self, batch: int, plan: Wireframe, laying: PrintSequence | None = None, curves: np.ndarray | None = None
+    ) -> BatchOutcome:
         """Lay a batch where ``plan`` says.
 
         Parameters
@@ -95,6 +97,8 @@ class GrowingPrint:
             What the robot follows: the design's struts and joints, moved.
         laying
             What is laid, if other struts than the sequence has in that batch; struts that stand are left out.
+        curves
+            (N, 4, 3) mm where its struts are laid, each from start to end, if not just as in the plan.
 
         Raises
         ------
@@ -104,7 +108,7 @@ class GrowingPrint:
         if not np.array_equal(plan.edges, self.design.edges) or plan.vertex_count != self.design.vertex_count:
             raise InputError.at(plan.name, "edges", "are not those of the design", "give a plan made from this design")
         laying = self.sequence.in_batch(batch) if laying is None else laying
-        curves = laying.directed_curves(plan)
+        curves = laying.directed_curves(plan) if curves is None else curves
         ends = np.column_stack([laying.start, laying.end_in(plan)])
         began, struts = self.clock, laying.struts
         groups = np.array_split(np.flatnonzero(~self._standing[struts]), self.settings.increments)

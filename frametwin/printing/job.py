@@ -11,7 +11,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -23,10 +23,12 @@ from frametwin.files import PathLike, read_json, staged_directory, write_json
 from frametwin.formats import frame_json
 from frametwin.printing import job_files as files
 from frametwin.printing.answer import AnswerOptions, Step, answer_batch
-from frametwin.printing.compensation import Observation, SagForecast
+from frametwin.printing.anticipation import HISTORY, Anticipation
+from frametwin.printing.compensation import SagForecast
 from frametwin.printing.guards import Expectation
 from frametwin.printing.job_files import JobFile, JobSettings
 from frametwin.printing.next_batch import NextBatch, write_batch
+from frametwin.printing.observation import Observation
 from frametwin.printing.robot_files import SUMMARY
 from frametwin.printing.sequence import PrintSequence
 from frametwin.printing.sequence_file import read_sequence, write_sequence
@@ -159,6 +161,11 @@ class Job:
         """The plan that the robot follows in a batch, ``printed`` marking what stands before."""
         return frame_json.read(self.batch_folder(batch) / files.PLAN)
 
+    def anticipation(self, batch: int) -> Anticipation:
+        """How the print is expected to move while a batch is laid, and so where the robot lays its struts."""
+        rate = files.read_drift(self.batch_folder(batch), self.design.vertex_count)
+        return Anticipation.of(self.plan(batch), self.sequence_at(batch).in_batch(batch), rate)
+
     def adapted(self, batch: int) -> Wireframe:
         """The plan after a batch was answered, ``printed`` marking what stands."""
         return frame_json.read(self.batch_folder(batch) / files.ADAPTED)
@@ -173,10 +180,10 @@ class Job:
 
     def expectation(self, batch: int) -> Expectation:
         """What the cameras should see after a batch has been printed."""
-        sequence, plan = self.sequence_at(batch), self.plan(batch)
-        printed = plan.printed.copy()
-        printed[sequence.in_batch(batch).struts] = True
-        return Expectation(batch, sequence, plan.replace(printed=printed))
+        sequence, ahead = self.sequence_at(batch), self.anticipation(batch)
+        printed = ahead.plan.printed.copy()
+        printed[ahead.laying.struts] = True
+        return Expectation(batch, sequence, ahead.frame(len(ahead.laying)).replace(printed=printed))
 
     def states(self) -> list[BatchState]:
         """All batches, those of the sequence as it goes on now."""
@@ -251,19 +258,31 @@ class Job:
 
     def _step(self, batch: int) -> Step:
         earlier = {k: self.report(k)["pictures"] for k in range(batch)}
-        step = Step(self.design, self.settings, self.expectation(batch), earlier)
-        if not (self.settings.adapt and self.settings.compensate):
-            return step
-        return replace(step, forecast=self._forecast, seen=[self._observation(k) for k in range(batch)])
+        compensates = self.settings.adapt and self.settings.compensate
+        return Step(
+            self.design,
+            self.settings,
+            self.expectation(batch),
+            earlier,
+            before=self.plan(batch).vertices,
+            forecast=self._forecast if compensates else None,
+            seen=self._seen_before(batch, batch if compensates else HISTORY),
+        )
 
     @cached_property
     def _forecast(self) -> SagForecast:
         return SagForecast.build(self.design, self._first_sequence)
 
+    def _seen_before(self, batch: int, most: int) -> list[Observation]:
+        """How far joints drifted in the last batches that have been answered."""
+        if not (self.settings.anticipate or self.settings.compensate):
+            return []
+        return [self._observation(k) for k in range(max(0, batch - most), batch)]
+
     def _observation(self, batch: int) -> Observation:
-        """How far joints drifted in a batch that has been answered."""
         twin, plan = load_run(self.batch_folder(batch) / files.RUN)
-        return Observation.of(batch, plan, twin)
+        laid = len(self.sequence_at(batch).in_batch(batch))
+        return Observation.of(batch, plan, twin, before=self.plan(batch).vertices, struts=laid)
 
     def _stage(self, batch: int) -> Path:
         return self.folder / files.BATCHES / f".{batch:03d}.part"
@@ -290,7 +309,8 @@ class Job:
         stage = self._stage(batch)
         stage.mkdir()
         contact = bool(self.report(batch - 1)["contact"])
-        going = NextBatch(batch, self.adapted(batch - 1), self.sequence_at(batch), contact)
+        adapted, sequence = self.adapted(batch - 1), self.sequence_at(batch)
+        going = NextBatch.after(adapted, sequence, batch, self._seen_before(batch, HISTORY), self.settings, contact)
         write_batch(stage, going, self.settings, self.design)
         os.rename(stage, self.batch_folder(batch))
 

@@ -8,6 +8,7 @@
       sequence.json     the order of its struts
       batches/003/
         plan.json       the plan that the robot follows, with what was printed before; written with
+        drift.json      how the print is expected to move meanwhile, if it does, and
         waypoints/      what the robot is told
         capture/        a copy of the pictures taken afterwards; written with
         run/            the twin and its field, relative to the plan,
@@ -25,7 +26,10 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from frametwin import __version__
+from frametwin.arrays import checked_array
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
 from frametwin.printing.guards import GuardLimits
@@ -34,11 +38,12 @@ from frametwin.worker.kinds import convert_fields
 
 FORMAT = "frametwin-print-job"
 REPORT_FORMAT = "frametwin-print-report"
+DRIFT_FORMAT = "frametwin-print-drift"
 VERSION = 1
 
 JOB, DESIGN, SEQUENCE = "job.json", "design.json", "sequence.json"
 BATCHES = "batches"
-PLAN, WAYPOINTS = "plan.json", "waypoints"
+PLAN, DRIFT, WAYPOINTS = "plan.json", "drift.json", "waypoints"
 CAPTURE, RUN, ADAPTED, REPORT = "capture", "run", "adapted.json", "report.json"
 LOCK = ".lock"
 
@@ -53,6 +58,9 @@ class JobSettings:
         What the robot is told, with which tool, and where it may go.
     adapt
         Move what is still to be printed to meet the twin; without, the plan stays the design.
+    anticipate
+        Aim at where the joints will be when the next struts are laid, by how they have moved; without, at where the
+        last twin saw them.
     compensate
         Print against the sag that is still to come.
     reprint
@@ -68,12 +76,13 @@ class JobSettings:
 
     robot: RobotSettings
     adapt: bool = True
+    anticipate: bool = False
     compensate: bool = False
     reprint: bool = False
     limits: GuardLimits = field(default_factory=GuardLimits)
 
     def __post_init__(self) -> None:
-        for name in ("compensate", "reprint"):
+        for name in ("anticipate", "compensate", "reprint"):
             if getattr(self, name) and not self.adapt:
                 raise InputError.at("settings", name, "needs twins to go by", "let the job adapt, or leave it out")
 
@@ -91,6 +100,7 @@ class JobSettings:
         InputError
             If a setting is missing, unknown or of another kind.
         """
+        data = {"anticipate": False, **data}  # planned before there was that choice
         missing = [item.name for item in fields(cls) if item.name not in data]
         if missing:
             raise InputError.at(source, f"settings.{missing[0]}", "is missing", "plan the job again")
@@ -202,3 +212,24 @@ def read_report(folder: Path) -> dict[str, Any]:
         if key not in data:
             raise InputError.at(path, key, "is missing", "put the file back as it was")
     return data
+
+
+def write_drift(folder: Path, rate: np.ndarray) -> None:
+    """Write ``drift.json`` of a batch: (V, 3) mm for each strut that is laid."""
+    write_json(folder / DRIFT, {"format": DRIFT_FORMAT, "version": VERSION, "rate": rate})
+
+
+def read_drift(folder: Path, vertices: int) -> np.ndarray | None:
+    """Read ``drift.json`` of a batch of a frame with so many vertices; ``None`` if it has none.
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
+    path = folder / DRIFT
+    if not path.is_file():
+        return None
+    data = read_json(path)
+    check_format(data, path, DRIFT_FORMAT, VERSION)
+    return checked_array(data.get("rate"), "f", (vertices, 3), str(path), "rate")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from frametwin.formats import frame_json
 from frametwin.printing import job_files as files
+from frametwin.printing.anticipation import drift_rate
 from frametwin.printing.job_files import JobSettings
+from frametwin.printing.observation import Observation
 from frametwin.printing.robot_files import write_robot_files
 from frametwin.printing.sequence import PrintSequence
 from frametwin.wireframe import Wireframe
@@ -27,19 +32,59 @@ class NextBatch:
         In which order.
     contact
         Touching printed struts has been accepted.
+    rate
+        (V, 3) mm by which the print is expected to move with each strut that is laid; see `drift_rate`.
     """
 
     batch: int
     plan: Wireframe
     sequence: PrintSequence
     contact: bool = False
+    rate: np.ndarray | None = None
+
+    @classmethod
+    def after(
+        cls,
+        adapted: Wireframe,
+        sequence: PrintSequence,
+        batch: int,
+        seen: Sequence[Observation],
+        settings: JobSettings,
+        contact: bool,
+    ) -> NextBatch:
+        """What follows an answer.
+
+        Parameters
+        ----------
+        adapted
+            The plan that the answer gave.
+        sequence, batch
+            Which struts are printed now.
+        seen
+            How far joints drifted in the last batches, for jobs that anticipate; see `drift_rate`.
+        settings
+            Of the job.
+        contact
+            Touching printed struts has been accepted.
+        """
+        rate = drift_rate(seen) if settings.anticipate else None
+        return cls(batch, adapted, sequence, contact, rate)
 
 
 def write_batch(folder: Path, going: NextBatch, settings: JobSettings, design: Wireframe) -> None:
     """Plan and waypoints of a batch, into a folder that exists."""
     frame_json.write(folder / files.PLAN, going.plan)
+    if going.rate is not None:
+        files.write_drift(folder, going.rate)
     waypoints = folder / files.WAYPOINTS
     waypoints.mkdir()
     write_robot_files(
-        waypoints, going.plan, going.sequence, going.batch, settings.robot, design, allow_contact=going.contact
+        waypoints,
+        going.plan,
+        going.sequence,
+        going.batch,
+        settings.robot,
+        design,
+        allow_contact=going.contact,
+        rate=going.rate,
     )

@@ -53,8 +53,8 @@ class PlanOptions:
         4 by 4 rigid transform from the frame's coordinates to the robot's base; ``None`` for none.
     max_speed
         Of the tip in mm/s.
-    adapt, compensate, reprint
-        See `JobSettings`.
+    adapt, anticipate, compensate, reprint
+        See `JobSettings`; a job that does not adapt does not anticipate either.
     limits
         When the job stops.
     seed
@@ -71,6 +71,7 @@ class PlanOptions:
     base: Matrix | None = None
     max_speed: float = 250.0
     adapt: bool = True
+    anticipate: bool = True
     compensate: bool = False
     reprint: bool = False
     limits: GuardLimits = GuardLimits()
@@ -104,6 +105,7 @@ class PlanOptions:
         return JobSettings(
             robot=RobotSettings(self.place(frame), WaypointSettings(**{**own, **self.waypoints}), tuple(self.formats)),
             adapt=self.adapt,
+            anticipate=self.adapt and self.anticipate,
             compensate=self.compensate,
             reprint=self.reprint,
             limits=self.limits,

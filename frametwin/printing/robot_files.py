@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from frametwin.errors import InputError
 from frametwin.files import write_json
 from frametwin.printing.exports import SUFFIXES, write_waypoints
@@ -88,6 +90,7 @@ def write_robot_files(
     settings: RobotSettings,
     design: Wireframe,
     allow_contact: bool = False,
+    rate: np.ndarray | None = None,
 ) -> dict[str, Any]:
     """Write what the robot is told for a batch.
 
@@ -103,6 +106,8 @@ def write_robot_files(
         From which deviations are counted.
     allow_contact
         Write waypoints that touch printed struts, and say so in the summary, whatever the settings say.
+    rate
+        (V, 3) mm by which joints move with each strut that is laid; see `frametwin.printing.anticipation.drift_rate`.
 
     Returns
     -------
@@ -117,7 +122,7 @@ def write_robot_files(
     wanted = settings.waypoints
     if allow_contact and not wanted.allow_contact:
         wanted = dataclasses.replace(wanted, allow_contact=True)
-    waypoints = waypoints_of(plan, sequence, batch, wanted, design)
+    waypoints = waypoints_of(plan, sequence, batch, wanted, design, rate=rate)
     settings.workspace.check(waypoints)
     names = []
     for name in settings.formats:

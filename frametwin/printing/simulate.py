@@ -201,7 +201,8 @@ def _job_in(
 
 
 def _lay(grown: GrowingPrint, job: Job, batch: int) -> BatchOutcome:
-    return grown.lay(batch, job.plan(batch), job.sequence_at(batch).in_batch(batch))
+    ahead = job.anticipation(batch)
+    return grown.lay(batch, ahead.plan, ahead.laying, ahead.curves())
 
 
 def _answer(

@@ -18,6 +18,7 @@ import numpy as np
 from frametwin import bezier
 from frametwin.arrays import checked_array
 from frametwin.errors import InputError
+from frametwin.printing.anticipation import Anticipation
 from frametwin.printing.axes import checked_axes
 from frametwin.printing.moves import Clearing, tool_rotations
 from frametwin.printing.nozzle import Nozzle
@@ -168,6 +169,7 @@ def waypoints_of(
     batch: int,
     settings: WaypointSettings | None = None,
     design: Wireframe | None = None,
+    rate: np.ndarray | None = None,
 ) -> Waypoints:
     """The tool's way for the struts of one batch.
 
@@ -183,6 +185,9 @@ def waypoints_of(
         How struts are laid.
     design
         What deviations are counted from; default ``plan``.
+    rate
+        (V, 3) mm by which joints move with each strut that is laid (`frametwin.printing.anticipation.drift_rate`). Each
+        strut is laid where its joints will be then; the tool keeps clear of the print as it is in the middle.
 
     Raises
     ------
@@ -198,28 +203,19 @@ def waypoints_of(
     design = plan if design is None else design
     if not np.array_equal(design.edges, plan.edges):
         raise InputError.at(design.name, "edges", "are not those of the plan", "give the design of this plan")
+    part = sequence.in_batch(batch)
+    ahead = Anticipation.of(plan, part, rate)
+    meanwhile = ahead.frame(0.5 * len(part))
     nozzle = Nozzle.fitting(plan) if settings.nozzle is None else settings.nozzle
     max_tilt = math.radians(settings.max_tilt_deg)
-    axes = checked_axes(plan, sequence, batch, nozzle, max_tilt, settings.allow_contact)
-    part = sequence.in_batch(batch)
-    radius = float(np.median(plan.radius))
-    standing = plan.control_points[sequence.laid_before(batch + 1, plan.strut_count)].reshape(-1, 3)
-    bounds = np.stack([standing.min(axis=0) - plan.radius.max(), standing.max(axis=0) + plan.radius.max()])
-    air = 10.0 * radius if settings.clearance is None else settings.clearance
-    clearing = Clearing(bounds, nozzle.long_enough(plan), air, max_tilt)
-    rotations = tool_rotations(axes.axis)
+    axes = checked_axes(meanwhile, sequence, batch, nozzle, max_tilt, settings.allow_contact)
+    clearing = _clearing(meanwhile, sequence.laid_before(batch + 1, plan.strut_count), nozzle, settings)
+    tools = zip(axes.axis, tool_rotations(axes.axis), strict=True)
+    ways = zip(part.struts.tolist(), ahead.curves(), part.directed_curves(design), tools, strict=True)
     rows: list[dict[str, Any]] = []
-    ways = zip(
-        part.struts.tolist(),
-        part.directed_curves(plan),
-        part.directed_curves(design),
-        axes.axis,
-        rotations,
-        strict=True,
-    )
-    for strut, curve, designed, axis, rotation in ways:
+    for strut, curve, designed, tool in ways:
         spacing = 2.0 * float(plan.radius[strut]) if settings.spacing is None else settings.spacing
-        rows.append(_laid((curve, designed), spacing, settings, clearing, (axis, rotation)))
+        rows.append(_laid((curve, designed), spacing, settings, clearing, tool))
         rows[-1] |= {
             name: np.full(len(rows[-1]["kind"]), value)
             for name, value in (("strut", strut), ("radius", plan.radius[strut]))
@@ -227,6 +223,14 @@ def waypoints_of(
     return Waypoints(
         **{name: np.concatenate([row[name] for row in rows]) for name in rows[0]}, batch=batch, contacts=axes.contacts
     )
+
+
+def _clearing(plan: Wireframe, standing: np.ndarray, nozzle: Nozzle, settings: WaypointSettings) -> Clearing:
+    """How the tool keeps clear of the struts ``standing`` (E,) bool on its ways between struts."""
+    points = plan.control_points[standing].reshape(-1, 3)
+    bounds = np.stack([points.min(axis=0) - plan.radius.max(), points.max(axis=0) + plan.radius.max()])
+    air = 10.0 * float(np.median(plan.radius)) if settings.clearance is None else settings.clearance
+    return Clearing(bounds, nozzle.long_enough(plan), air, math.radians(settings.max_tilt_deg))
 
 
 def _laid(
