@@ -148,7 +148,6 @@ class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
         shown = scene.camera.data.background_images
         if not len(shown):
             raise InputError.at(scene.camera.name, "picture", "the capture has none of it", "step to another camera")
-        look_through_camera(context)
         scene.camera.data.show_background_images = False
         if not show_picture_beside(context, shown[0].image):
             raise InputError.at("Blender", "window", "there is none", "open Blender with its window")

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from frametwin.blender.keeping import keep
-from frametwin.blender.plan_objects import PlanSummary, add_plan, make_active, user_is_editing
+from frametwin.blender.plan_objects import PlanSummary, add_plan, make_active, points_of, user_is_editing
 from frametwin.blender.preview import remove_preview, show_preview
 from frametwin.blender.rigs import read_calibration, replace_rig
 from frametwin.blender.runner import Job
@@ -22,7 +22,7 @@ from .in_view import hide, twin_shows
 from .plan import take_plan
 from .preferences import can_compute, draw_python, worker_job
 from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, write_text
-from .views import frame_selected
+from .views import see
 
 TITLE = "Fit"
 
@@ -116,7 +116,7 @@ class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
             context, add_plan(capture.frame, context.scene), PlanSummary.of(capture.frame), keep_twin=same
         )
         settings.rig = replace_rig(settings.rig, cameras, context.scene, capture.frame)
-        frame_selected(context)
+        see(context, points_of(settings.plan))
         if same:
             hide(settings.plan)  # as where the twin comes out of a fit
         return f"{words}; {len(cameras)} cameras"

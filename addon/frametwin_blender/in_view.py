@@ -5,9 +5,14 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from frametwin.blender.adapted import ROLE as ADAPTED_ROLE
 from frametwin.blender.curves import wireframe_from_curve
 from frametwin.blender.plan_objects import is_added_plan
+from frametwin.blender.plans import READABLE
+from frametwin.blender.preview import KEY as PREVIEW
+from frametwin.blender.print_jobs import ROLE_KEY as JOB_ROLE
 from frametwin.blender.prints import is_made_print
+from frametwin.blender.twins import ROLE_KEY as TWIN_ROLE
 from frametwin.blender.twins import find_twin
 from frametwin.errors import InputError
 from frametwin.wireframe import Wireframe
@@ -19,7 +24,7 @@ from .steps import plan_of, print_of, twin_of
 def hide(obj: bpy.types.Object | None) -> None:
     """Hide the plan, which stands where the print is shown, or both, where the twin is; not from who is editing it.
 
-    The panels' buttons and eyes show it again.
+    The panels' buttons show it again.
     """
     if obj is not None and obj.mode == "OBJECT":
         obj.hide_viewport = True
@@ -28,6 +33,11 @@ def hide(obj: bpy.types.Object | None) -> None:
 def hide_plan(scene: bpy.types.Scene) -> None:
     """Hide the scene's plan; see `hide`."""
     hide(scene.frametwin.plan)
+
+
+def can_be_chosen(obj: bpy.types.Object) -> bool:
+    """Whether the lists of plans and prints offer an object: what belongs to a twin or a job is only in the way there."""
+    return obj.type in READABLE and not any(key in obj for key in (TWIN_ROLE, ADAPTED_ROLE, JOB_ROLE, PREVIEW))
 
 
 def plan_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

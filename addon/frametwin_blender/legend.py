@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from frametwin.blender.colours import MISSING, UNKNOWN, Legend, colour_map
+from frametwin.blender.framing import Room
 from frametwin.blender.print_jobs import jobs_in
 from frametwin.blender.twin_records import load_legend
 
@@ -38,12 +39,12 @@ def _draw() -> None:
     collection = twin_of(context) or next(iter(jobs_in(context.scene)), None)
     legend = None if collection is None else load_legend(collection)
     if legend is not None and any(obj.visible_get(viewport=context.space_data) for obj in collection.all_objects):
-        _draw_legend(legend, context.preferences.system.ui_scale, context.region)
+        _draw_legend(legend, context.preferences.system.ui_scale, Room.of(context.area.regions))
 
 
-def _draw_legend(legend: Legend, scale: float, region: bpy.types.Region) -> None:
-    left, low = MARGIN * scale, (MARGIN + 2 * TEXT) * scale
-    width, height = min(WIDTH * scale, region.width - 2 * left), HEIGHT * scale
+def _draw_legend(legend: Legend, scale: float, room: Room) -> None:
+    left, low = room.left + MARGIN * scale, room.low + (MARGIN + 2 * TEXT) * scale
+    width, height = min(WIDTH * scale, room.right - MARGIN * scale - left), HEIGHT * scale
     _draw_bar(left, low, width, height, legend.colours)
     unit = f" ({legend.unit})" if legend.unit else ""
     name = legend.quantity.replace("_", " ").capitalize()

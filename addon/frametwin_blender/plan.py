@@ -7,7 +7,7 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from frametwin.blender.plan_objects import PlanSummary, add_plan, plan_summary, show_struts, use_millimetres
+from frametwin.blender.plan_objects import PlanSummary, add_plan, plan_summary, points_of, show_struts, use_millimetres
 from frametwin.blender.plans import READABLE
 from frametwin.blender.units import mm_per_unit
 from frametwin.errors import InputError
@@ -17,7 +17,7 @@ from frametwin.wireframe import Wireframe
 
 from .in_view import make_way
 from .steps import FileStep, Panel, Step, draw_chosen, needs, plan_of, settings_of, write_text
-from .views import frame_selected, suit_millimetres
+from .views import see, suit_millimetres
 
 UNREADABLE = "unreadable"
 """Kind of the problem of a plan that cannot be read at all."""
@@ -61,8 +61,9 @@ def note_unreadable(about: bpy.types.PropertyGroup, obj: bpy.types.Object, error
 def take_frame(context: bpy.types.Context, frame: Wireframe) -> str:
     """Put a frame into the scene as its plan."""
     summary = PlanSummary.of(frame)
-    words = take_plan(context, add_plan(frame, context.scene), summary)
-    frame_selected(context)
+    plan = add_plan(frame, context.scene)
+    words = take_plan(context, plan, summary)
+    see(context, points_of(plan))
     return words
 
 
@@ -165,7 +166,8 @@ class FRAMETWIN_OT_select_culprits(Step, bpy.types.Operator):
         if problem is None:
             raise InputError.at(plan.name, "plan", f"has no problem {self.kind!r}", "press Check Again")
         count = show_struts(plan, list(problem["struts"]))
-        frame_selected(context)
+        if count:
+            see(context, points_of(plan, chosen=True))
         return f"{count} struts selected"
 
 

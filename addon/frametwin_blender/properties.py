@@ -18,7 +18,7 @@ from bpy.props import (
 from frametwin.blender.twins import is_twin
 from frametwin.parametric import FRAMES
 
-from .in_view import plan_chosen, twin_chosen
+from .in_view import can_be_chosen, plan_chosen, twin_chosen
 from .recolour import recolour_active, recolour_afresh, restyle_active
 
 PRESETS = (
@@ -286,7 +286,7 @@ class FrameTwinSettings(bpy.types.PropertyGroup):
         name="Plan",
         type=bpy.types.Object,
         description="The frame as it was designed",
-        poll=lambda self, obj: obj.type in {"CURVE", "MESH"},
+        poll=lambda self, obj: can_be_chosen(obj),
         update=plan_chosen,
     )
     plan_before: PointerProperty(  # type: ignore[valid-type]
@@ -296,7 +296,7 @@ class FrameTwinSettings(bpy.types.PropertyGroup):
         name="Print",
         type=bpy.types.Object,
         description="The real print: the plan's struts, bent. Empty: the plan as its modifiers bend it",
-        poll=lambda self, obj: obj.type in {"CURVE", "MESH"},
+        poll=lambda self, obj: can_be_chosen(obj),
     )
     rig: PointerProperty(  # type: ignore[valid-type]
         name="Rig",

@@ -133,14 +133,13 @@ def wrapped(text: str, width: int) -> list[str]:
 
 
 def draw_chosen(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str) -> bpy.types.UILayout:
-    """A list to choose from, with an eye that shows or hides what is chosen; the row, for more."""
+    """A list to choose from, with a toggle that shows or hides what is chosen; the row, for more."""
     row = layout.row(align=True)
     row.use_property_split = False
     row.prop(settings, name, text="")
     chosen = getattr(settings, name)
     if chosen is not None:
-        icon = "HIDE_ON" if chosen.hide_viewport else "HIDE_OFF"
-        row.prop(chosen, "hide_viewport", text="", icon=icon, invert_checkbox=True)
+        row.prop(chosen, "hide_viewport", text="", invert_checkbox=True)
     return row
 
 

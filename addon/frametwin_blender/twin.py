@@ -7,9 +7,8 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from frametwin.blender.curves import wireframe_from_curve
 from frametwin.blender.exports import export_twin
-from frametwin.blender.plan_objects import make_active, middle_of, show_struts
+from frametwin.blender.plan_objects import make_active, points_of, show_struts
 from frametwin.blender.statistics import StrutValues, statistics_of, worst_struts
 from frametwin.blender.twin_records import load_values
 from frametwin.blender.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
@@ -28,7 +27,10 @@ from .steps import (
     twin_of,
     write_text,
 )
-from .views import frame_selected, look_at
+from .views import see
+
+AROUND = 2.5
+"""How much more than a strut that is stepped to is seen, in its lengths."""
 
 
 def chosen_struts(context: bpy.types.Context, kind: str) -> np.ndarray:
@@ -83,8 +85,10 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
     def act(self, context):
         struts = chosen_struts(context, self.kind)
         twin_of(context).hide_viewport = False
-        count = show_struts(find_twin(twin_of(context)).twin, struts)
-        frame_selected(context)
+        twin = find_twin(twin_of(context)).twin
+        count = show_struts(twin, struts)
+        if count:
+            see(context, points_of(twin, chosen=True))
         return f"{count} struts selected"
 
 
@@ -103,8 +107,8 @@ class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
         shown = find_twin(twin_of(context))
         view.at = (view.at + self.step) % len(struts) if view.at >= 0 else 0
         strut = int(struts[view.at])
-        look_at(context, *middle_of(wireframe_from_curve(shown.twin), [strut], shown.twin))
-        show_struts(shown.twin, [strut])
+        if show_struts(shown.twin, [strut]):
+            see(context, points_of(shown.twin, chosen=True), AROUND)
         values = shown.values.get(view.quantity, shown.values["displacement"])
         view.at_words = f"Strut {strut}: {values.values[strut]:.3g} {values.unit}"
         return f"Strut {strut}: {values.quantity} {values.values[strut]:.4g} {values.unit}"
@@ -119,9 +123,10 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
 
     def act(self, context):
         twin_of(context).hide_viewport = False
-        make_active(find_twin(twin_of(context)).twin)
+        twin = find_twin(twin_of(context)).twin
+        make_active(twin)
         settings_of(context).view.at, settings_of(context).view.at_words = -1, ""
-        frame_selected(context)
+        see(context, points_of(twin))
 
 
 class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
@@ -177,7 +182,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             layout.operator("frametwin.import_run", icon="IMPORT")
             return
         row = draw_chosen(layout, settings, "twin")
-        row.operator("frametwin.remove_twin", text="", icon="X")
+        row.operator("frametwin.remove_twin", text="", icon="TRASH")
         self._draw_colours(layout, settings.view)
         values, missing, uncertain = load_values(collection)
         if settings.view.quantity in values:
@@ -191,20 +196,21 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
     def _draw_colours(self, layout, view):
         layout.prop(view, "quantity", text="")
         row = layout.row(align=True)
-        row.prop(view, "automatic", text="Auto", toggle=True)
-        sub = row.row(align=True)
-        sub.enabled = not view.automatic
-        sub.prop(view, "low", text="")
-        sub.prop(view, "high", text="")
+        row.prop(view, "automatic", text="Automatic Range" if view.automatic else "Auto", toggle=True)
+        if not view.automatic:
+            row.prop(view, "low", text="")
+            row.prop(view, "high", text="")
         row.prop(view, "legend", text="", icon="COLOR", toggle=True)
 
     def _draw_statistics(self, layout, found):
         numbers = statistics_of(found.values)
         box = layout.box().column(align=True)
-        for name in ("mean", "p95", "max"):
+        for name, value in (("Mean", numbers.mean), ("95th percentile", numbers.p95), ("Highest", numbers.max)):
             row = box.row()
-            row.label(text={"mean": "Mean", "p95": "95 % below", "max": "Highest"}[name])
-            row.label(text=f"{getattr(numbers, name):.3f} {found.unit}")
+            row.label(text=name)
+            figure = row.row()
+            figure.alignment = "RIGHT"
+            figure.label(text=f"{value:.3f} {found.unit}")
 
     def _draw_selection(self, layout, view, missing, uncertain):
         row = layout.row(align=True)

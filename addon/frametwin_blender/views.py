@@ -7,44 +7,48 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
+from frametwin.blender.framing import MARGIN, Room, camera_view, free_view
+
 
 def views_of(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Area, bpy.types.Region]]:
-    """The 3D views of the window with their main regions; the one under the mouse first."""
+    """The 3D views of the window with their main regions; the one under the mouse first, those of no size not."""
     if context.window is None:
         return
     areas = [area for area in context.window.screen.areas if area.type == "VIEW_3D"]
     for area in sorted(areas, key=lambda area: area != context.area):
-        yield area, next(region for region in area.regions if region.type == "WINDOW")
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        if min(region.width, region.height) > 1:
+            yield area, region
 
 
-def frame_selected(context: bpy.types.Context) -> None:
-    """Move the first 3D view to what is selected."""
-    context.view_layer.update()  # what was made a moment ago has no extent yet
-    for area, region in views_of(context):
-        with context.temp_override(area=area, region=region):
-            if bpy.ops.view3d.view_selected.poll():
-                bpy.ops.view3d.view_selected()
-        return
+def see(context: bpy.types.Context, points: np.ndarray, margin: float = MARGIN) -> None:
+    """Move the first 3D view to points (N, 3), in Blender units, all of them beside the sidebar and not under it.
 
-
-def look_at(context: bpy.types.Context, centre: np.ndarray, radius: float) -> None:
-    """Move the first 3D view to a ball, in Blender units, and let it see what is much nearer."""
-    for area, _ in views_of(context):
+    It also sees what is ``margin`` times as far from their middle, and what is much nearer or further away.
+    """
+    for area, _ in views_of(context) if len(points) else ():
         space = area.spaces.active
-        space.clip_start = min(space.clip_start, 0.1 * radius)
         view = space.region_3d
         view.view_perspective = "PERSP" if view.view_perspective == "CAMERA" else view.view_perspective
-        view.view_location, view.view_distance = centre.tolist(), 6.0 * radius
+        axes = np.array(view.view_rotation.to_matrix())
+        perspective = view.view_perspective == "PERSP"
+        place, distance = free_view(Room.of(area.regions), points, axes, space.lens, perspective, margin)
+        view.view_location, view.view_distance = place.tolist(), distance
+        space.clip_start, space.clip_end = min(space.clip_start, 0.01 * distance), max(space.clip_end, 10.0 * distance)
         return
 
 
-def look_through_camera(context: bpy.types.Context) -> None:
-    """Let the first 3D view look through the scene's camera, all of its picture in sight."""
-    for area, region in views_of(context):
-        area.spaces.active.region_3d.view_perspective = "CAMERA"
-        with context.temp_override(area=area, region=region):
-            if bpy.ops.view3d.view_center_camera.poll():
-                bpy.ops.view3d.view_center_camera()
+def look_through_camera(context: bpy.types.Context, width: float | None = None) -> None:
+    """Let the first 3D view look through the scene's camera, all of its picture beside the sidebar.
+
+    ``width`` is that of the view where it has been divided a moment ago.
+    """
+    for area, _ in views_of(context):
+        view, camera, render = area.spaces.active.region_3d, context.scene.camera, context.scene.render
+        view.view_perspective = "CAMERA"
+        size = (render.resolution_x * render.pixel_aspect_x, render.resolution_y * render.pixel_aspect_y)
+        zoom, offset = camera_view(Room.of(area.regions, width), size, camera.data.sensor_fit)
+        view.view_camera_zoom, view.view_camera_offset = zoom, offset
         return
 
 
@@ -58,19 +62,26 @@ def suit_millimetres(context: bpy.types.Context) -> None:
 def show_picture_beside(context: bpy.types.Context, image: bpy.types.Image) -> bool:
     """Show a picture in an image editor beside the 3D view, which is made if there is none; whether there is a window.
 
-    The 3D view is halved for it.
+    The 3D view is divided for it, so that both show the same in the same size; it looks through the scene's camera.
     """
     if context.window is None:
         return False
     screen = context.window.screen
-    editor = next((area for area in screen.areas if area.type == "IMAGE_EDITOR"), None)
+    editor, width = next((area for area in screen.areas if area.type == "IMAGE_EDITOR"), None), None
     if editor is None:
-        area, region = next(views_of(context))
-        before = set(screen.areas)
+        found = next(views_of(context), None)
+        if found is None:
+            return False
+        area, region = found
+        room, before = Room.of(area.regions), set(screen.areas)
+        covered = room.width - (room.right - room.left)
+        share = min(0.75, 0.5 * (1.0 + covered / max(room.width, 1.0)))
         with context.temp_override(area=area, region=region):
-            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.6)
+            bpy.ops.screen.area_split(direction="VERTICAL", factor=share)
         editor = next(iter(set(screen.areas) - before))
         editor.type = "IMAGE_EDITOR"
+        width = abs(editor.x - area.x)
+    look_through_camera(context, width)
     editor.spaces.active.image = image
     region = next(region for region in editor.regions if region.type == "WINDOW")
     with context.temp_override(area=editor, region=region):

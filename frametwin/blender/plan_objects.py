@@ -9,10 +9,9 @@ import bpy
 import numpy as np
 
 from frametwin.blender.curves import wireframe_to_curve
-from frametwin.blender.evaluation import label, scene_of
+from frametwin.blender.evaluation import label
 from frametwin.blender.plan_checks import PlanProblem, plan_problems, select_struts
 from frametwin.blender.plans import plan_from_object
-from frametwin.blender.units import mm_per_unit
 from frametwin.errors import InputError
 from frametwin.wireframe import Wireframe
 
@@ -108,11 +107,17 @@ def show_struts(obj: bpy.types.Object, struts: Iterable[int]) -> int:
     return count
 
 
-def middle_of(frame: Wireframe, struts: Iterable[int], obj: bpy.types.Object) -> tuple[np.ndarray, float]:
-    """Centre (3,) and radius, in Blender units of the world, of a ball around some struts of a frame."""
-    points = frame.control_points[list(struts)].reshape(-1, 3) / mm_per_unit(scene_of(obj))
-    low, high = points.min(axis=0), points.max(axis=0)
-    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+def points_of(obj: bpy.types.Object, chosen: bool = False) -> np.ndarray:
+    """Where the points of a frame's curve object are, those of `show_struts` alone if ``chosen``: (N, 3), in units."""
+    bpy.context.view_layer.update()  # what was made a moment ago has no place yet
+    places = [
+        point.co
+        for spline in obj.data.splines
+        for point in spline.bezier_points
+        if not chosen or point.select_control_point
+    ]
+    matrix = np.array(obj.matrix_world)
+    return np.array(places, dtype=np.float64).reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def user_is_editing() -> bool:

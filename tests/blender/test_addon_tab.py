@@ -151,6 +151,9 @@ def test_struts_still_to_be_printed_meet_the_twin(tab: Any) -> None:
     ops.adapt()
     cases.pump_until_done()
     assert len(tab.twin.children) == 1  # in the place of the first answer
+    offered = cases.addon("in_view").can_be_chosen
+    curves = {obj for obj in bpy.data.objects if obj.type == "CURVE"}
+    assert {obj for obj in curves if offered(obj)} == {tab.plan, tab.print_object} and len(curves) == 6
     path = Path(tab.render.folder) / "left.json"
     ops.export_adapted(filepath=str(path))
     np.testing.assert_array_equal(read_frame(path).control_points, after.control_points)
