@@ -16,6 +16,7 @@ from pathlib import Path
 
 import bpy
 
+from frametwin.blender.plan_objects import make_active
 from frametwin.blender.preview import remove_preview, show_preview
 from frametwin.blender.runner import Job, Runner
 from frametwin.blender.twins import TwinContent, import_twin, remove_twin, show_twin_steps
@@ -49,7 +50,8 @@ def job(capture: Path, run: Path) -> Job:
     scene = bpy.context.scene
 
     def finish(content: TwinContent):
-        yield from show_twin_steps(content, scene=scene)
+        shown = yield from show_twin_steps(content, scene=scene)
+        make_active(shown.twin)
         return "done"
 
     return Job(
@@ -74,6 +76,7 @@ def follow(capture: Path, run: Path) -> tuple[list[float], float]:
         at = time.perf_counter()
         going = runner.pump()
         pumps.append(time.perf_counter() - at)
+        bpy.context.view_layer.update()  # as Blender does by itself between two calls of a timer
         time.sleep(0.05)
     if runner.status.error:
         raise SystemExit(runner.status.message)

@@ -21,6 +21,7 @@ from .folders import fresh_folder, given_folder, work_folder
 from .in_view import hide, twin_shows
 from .plan import take_plan
 from .preferences import can_compute, draw_python, worker_job
+from .recolour import wanted_colours
 from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, write_text
 from .views import see
 
@@ -45,7 +46,8 @@ def fit_job(context: bpy.types.Context) -> Job:
 
     def finish(content):
         scene = scene_now()
-        shown = yield from show_twin_steps(content, scene=scene)
+        colours = wanted_colours(scene.frametwin.view, content.values)
+        shown = yield from show_twin_steps(content, scene=scene, colours=colours)
         take_twin(scene.frametwin, shown)
         if not user_is_editing():
             make_active(shown.twin)
@@ -152,7 +154,8 @@ class FRAMETWIN_OT_import_run(Step, bpy.types.Operator):
 
     def act(self, context):
         content = TwinContent.read(given_folder(self.directory, "Run"))
-        shown = run_steps(show_twin_steps(content, scene=context.scene))
+        colours = wanted_colours(settings_of(context).view, content.values)
+        shown = run_steps(show_twin_steps(content, scene=context.scene, colours=colours))
         take_twin(settings_of(context), shown)
         return words_of(content)
 

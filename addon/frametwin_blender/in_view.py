@@ -36,7 +36,7 @@ def hide_plan(scene: bpy.types.Scene) -> None:
 
 
 def can_be_chosen(obj: bpy.types.Object) -> bool:
-    """Whether the lists of plans and prints offer an object: what belongs to a twin or a job is only in the way there."""
+    """Whether the lists of plans and prints offer an object; what belongs to a twin or a job is only in the way."""
     return obj.type in READABLE and not any(key in obj for key in (TWIN_ROLE, ADAPTED_ROLE, JOB_ROLE, PREVIEW))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from frametwin.blender.collections import new_collection, remove_collection
+from frametwin.blender.collections import remove_collection
 from frametwin.blender.colours import Legend, colour_twin, materials_steps, remove_unused_colours
 from frametwin.blender.curves import wireframe_to_curve_steps
 from frametwin.blender.statistics import StrutValues, strut_values
@@ -84,6 +84,15 @@ class TwinContent:
         return cls.of(twin, frame, None if truth is None else read_truth(Path(truth), frame), str(folder))
 
 
+@dataclass(frozen=True)
+class Colours:
+    """Which quantity the colours show, and from where to where: 0 and the highest value by default."""
+
+    quantity: str = "displacement"
+    low: float | None = None
+    high: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class TwinObjects:
     """A twin in the scene: its collection and objects, values of every strut, findings, and what the colours mean."""
@@ -133,14 +142,25 @@ def show_twin(
 
 
 def show_twin_steps(
-    content: TwinContent, collection_name: str | None = None, scene: bpy.types.Scene | None = None
+    content: TwinContent,
+    collection_name: str | None = None,
+    scene: bpy.types.Scene | None = None,
+    colours: Colours = Colours(),
 ) -> Generator[None, None, TwinObjects]:
     """Make a collection with the plan (thin lines, not selectable, not rendered) and the twin, coloured.
 
-    In steps of some milliseconds; if they fail or are not gone on with, nothing is left in the scene.
+    In steps of some milliseconds; if they fail or are not gone on with, nothing is left in the scene. It comes into
+    the scene when all of it is there: Blender, which works out the geometry of thousands of struts in a tenth of a
+    second, then does so once, between two steps.
+
+    Raises
+    ------
+    InputError
+        If the twin has no such quantity as ``colours`` says, or the range is empty.
     """
     frame = content.frame
-    collection = new_collection(collection_name or f"{frame.name} twin", scene)
+    scene = bpy.context.scene if scene is None else scene
+    collection = bpy.data.collections.new(collection_name or f"{frame.name} twin")
     try:
         plan = yield from wireframe_to_curve_steps(frame, name=f"{frame.name} plan", collection=collection, scene=scene)
         ghost(plan)
@@ -154,8 +174,12 @@ def show_twin_steps(
         yield
         yield from materials_steps()
         numbers = np.arange(frame.strut_count)
-        legend = colour_twin(obj, content.values["displacement"], missing=content.missing, strut=numbers)
+        values = content.values[colours.quantity]
+        legend = colour_twin(obj, values, colours.low, colours.high, missing=content.missing, strut=numbers)
         store_legend(collection, legend)
+        yield
+        scene.collection.children.link(collection)
+        yield
     except BaseException:
         remove_twin(collection)
         raise

@@ -337,6 +337,11 @@ def test_another_twin_takes_the_place_of_plan_print_and_twin(tab: Any, small_cap
     tab.plan.hide_viewport = False
     ops.import_run(directory=find_twin(runs[1]).collection["frametwin_run"])
     assert tab.twin not in runs and in_view() == {obj.name for obj in tab.twin.objects}
+    tab.view.quantity, tab.view.automatic, tab.view.low, tab.view.high = "thickness", False, 0.5, 1.5
+    ops.fit()
+    cases.pump_until_done()
+    legend = find_twin(tab.twin).legend
+    assert (legend.quantity, legend.low, legend.high) == ("thickness", 0.5, 1.5)
     ops.add_frame()
     assert in_view() == {tab.plan.name}
     ops.select_struts(kind="worst")

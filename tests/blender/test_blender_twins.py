@@ -12,7 +12,18 @@ import pytest
 from frametwin.blender.colours import BINS, MISSING, UNKNOWN, colour_map, colour_twin
 from frametwin.blender.curves import wireframe_from_curve
 from frametwin.blender.statistics import StrutValues, statistics_of, worst_struts
-from frametwin.blender.twins import RUN_KEY, import_twin, remove_twin, show_twin
+from frametwin.blender.stepwise import run_steps
+from frametwin.blender.twins import (
+    RUN_KEY,
+    Colours,
+    TwinContent,
+    find_twin,
+    import_twin,
+    recolour_twin,
+    remove_twin,
+    show_twin,
+    show_twin_steps,
+)
 from frametwin.errors import InputError
 from frametwin.formats import frame_json
 from frametwin.runs import Truth
@@ -56,6 +67,29 @@ def test_a_run_folder_is_shown_and_removed(scene: Any, rich_frame: Wireframe, tm
     assert shown.missing.tolist() == [3] and indices(shown.twin)[3] == MISSING
     remove_twin(shown.collection)
     assert not len(bpy.data.materials) and not len(bpy.data.curves) and not len(bpy.data.collections)
+
+
+def test_a_twin_comes_whole_or_not_at_all(scene: Any, rich_frame: Wireframe) -> None:
+    content = TwinContent.of(shifted(rich_frame, [0.0, 0.0, 1.0]), rich_frame)
+    seen = [len(scene.collection.all_objects) for _ in show_twin_steps(content)]
+    assert set(seen[:-1]) == {0} and seen[-1] == 2
+    remove_twin(scene.collection.children[0])
+    for last in range(len(seen)):
+        steps = show_twin_steps(content)
+        for _ in range(last + 1):
+            next(steps)
+        steps.close()
+        assert not (len(bpy.data.collections) or len(bpy.data.curves) or len(bpy.data.materials))
+
+
+def test_a_twin_comes_in_the_colours_that_are_wanted(scene: Any, rich_frame: Wireframe) -> None:
+    content = TwinContent.of(shifted(rich_frame, [0.0, 0.0, 1.0]), rich_frame)
+    shown = run_steps(show_twin_steps(content, colours=Colours("confidence", 0.1, 0.4)))
+    legend = find_twin(shown.collection).legend
+    assert (legend.quantity, legend.low, legend.high, legend.automatic) == ("confidence", 0.1, 0.4, False)
+    found = indices(shown.twin)
+    recolour_twin(shown.collection, "confidence", 0.1, 0.4)
+    np.testing.assert_array_equal(indices(shown.twin), found)
 
 
 def test_recolouring_adds_nothing(scene: Any, rich_frame: Wireframe) -> None:
