@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.blender.new_folder import NewFolder
+from frametwin.blender.stepwise import TURN
 from frametwin.errors import Cancelled, FrameTwinError
 from frametwin.worker.client import ENDED, WorkerClient
 
@@ -26,8 +27,8 @@ EVENTS = 20
 GRACE = 0.4
 """Seconds in which a job may stop by itself when it is cancelled; then its process is killed."""
 
-Steps = Generator[None, None, str]
-"""Work in the main thread in small steps; what it returns is told to the user."""
+Steps = Generator[str | None, None, str]
+"""Work in the main thread in small steps, see `TURN` for what they yield; what it returns is told to the user."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,11 +241,12 @@ class Runner:
         if self._key is not None:
             self._listen(deadline)
         while self._steps is not None:  # one step at least, or a full queue of events would keep the end away
+            turn = None
             try:
-                next(self._steps)
+                turn = next(self._steps)
             except StopIteration as done:
                 self._end(False, done.value or f"{self.status.title} done")
-            if perf_counter() >= deadline:
+            if turn == TURN or perf_counter() >= deadline:
                 break
 
     def _listen(self, deadline: float) -> None:

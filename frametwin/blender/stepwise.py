@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Value = TypeVar("Value")
 
+TURN = "turn"
+"""Yielded in the place of nothing where Blender is to have its turn, to evaluate the scene, before the next step."""
 
-def run_steps(steps: Generator[None, None, Value]) -> Value:
+
+def run_steps(steps: Generator[Any, None, Value]) -> Value:
     """Do all steps; gives what they return."""
     while True:
         try:

@@ -13,7 +13,7 @@ from frametwin.blender.collections import remove_collection
 from frametwin.blender.colours import Legend, colour_twin, materials_steps, remove_unused_colours
 from frametwin.blender.curves import wireframe_to_curve_steps
 from frametwin.blender.statistics import StrutValues, strut_values
-from frametwin.blender.stepwise import run_steps
+from frametwin.blender.stepwise import TURN, run_steps
 from frametwin.blender.twin_records import load_legend, load_values, store_legend, store_values
 from frametwin.errors import InputError
 from frametwin.files import PathLike
@@ -146,7 +146,7 @@ def show_twin_steps(
     collection_name: str | None = None,
     scene: bpy.types.Scene | None = None,
     colours: Colours = Colours(),
-) -> Generator[None, None, TwinObjects]:
+) -> Generator[str | None, None, TwinObjects]:
     """Make a collection with the plan (thin lines, not selectable, not rendered) and the twin, coloured.
 
     In steps of some milliseconds; if they fail or are not gone on with, nothing is left in the scene. It comes into
@@ -169,17 +169,17 @@ def show_twin_steps(
         )
         for owner, role in ((collection, "collection"), (plan, "plan"), (obj, "twin")):
             owner[RUN_KEY], owner[ROLE_KEY] = content.run_folder, role
-        yield
+        yield None
         store_values(collection, content.values, content.missing, content.uncertain)
-        yield
+        yield None
         yield from materials_steps()
         numbers = np.arange(frame.strut_count)
         values = content.values[colours.quantity]
         legend = colour_twin(obj, values, colours.low, colours.high, missing=content.missing, strut=numbers)
         store_legend(collection, legend)
-        yield
+        yield None
         scene.collection.children.link(collection)
-        yield
+        yield TURN
     except BaseException:
         remove_twin(collection)
         raise

@@ -13,6 +13,7 @@ import pytest
 from worker_cases import EXTRA_JOBS, is_gone, until, worker_python
 
 from frametwin.blender.runner import GRACE, Job, Runner
+from frametwin.blender.stepwise import TURN
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.worker.client import WorkerClient
 
@@ -158,6 +159,21 @@ def test_folders_of_others_stay(runner: Runner, tmp_path: Path) -> None:
     until(lambda: sorted(path.name for path in tmp_path.iterdir()) == ["before", "meanwhile"], "the end of the rest")
     time.sleep(0.2)  # in which a thread would remove what it may not
     assert (before / "half").exists() and (meanwhile / "of another").exists()
+
+
+def test_blender_has_its_turn_between_two_steps(runner: Runner) -> None:
+    log: list[str] = []
+
+    def finish(value: Any) -> Any:
+        for step in ("first", "second", "third"):
+            log.append(step)
+            yield TURN if step == "second" else None
+        return "done"
+
+    runner.start(job("count", finish=finish))
+    until(lambda: runner.pump(3600.0) and log, "the first steps")
+    assert log == ["first", "second"]
+    assert not runner.pump(3600.0) and log == ["first", "second", "third"]
 
 
 def test_a_job_that_ends_well_keeps_its_folder(runner: Runner, tmp_path: Path) -> None:
