@@ -35,6 +35,13 @@ def hide_plan(scene: bpy.types.Scene) -> None:
     hide(scene.frametwin.plan)
 
 
+def hide_for_jobs(scene: bpy.types.Scene) -> None:
+    """Hide plan, print and twin, which stand where print jobs are shown."""
+    hide(scene.frametwin.plan)
+    hide(scene.frametwin.print_object)
+    hide_twin(scene.frametwin.twin)
+
+
 def can_be_chosen(obj: bpy.types.Object) -> bool:
     """Whether the lists of plans and prints offer an object; what belongs to a twin or a job is only in the way."""
     return obj.type in READABLE and not any(key in obj for key in (TWIN_ROLE, ADAPTED_ROLE, JOB_ROLE, PREVIEW))

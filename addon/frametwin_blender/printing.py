@@ -15,7 +15,7 @@ from frametwin.printing.history import read_history
 
 from . import session
 from .folders import fresh_folder, given_folder, work_folder
-from .in_view import hide_plan
+from .in_view import hide_for_jobs
 from .preferences import can_compute, draw_python, worker_job
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
@@ -52,7 +52,7 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
                 top.append(history.largest_displacement)
             yield from show_job_steps(history, scene, folder=str(out), place=place, top=top[0])
             scene.frametwin.print.job = str(out)
-            hide_plan(scene)
+            hide_for_jobs(scene)
             told.append(f"{dict(adapt='Adapted', blind='As designed').get(mode, 'Compensated')}: {words_of(answer)}")
             return ". ".join(told)
 
@@ -93,6 +93,7 @@ def show_job(context: bpy.types.Context) -> Job:
         scene = scene_now()
         place = len(jobs_in(scene))
         yield from show_job_steps(history, scene, folder=str(folder), place=place)
+        hide_for_jobs(scene)
         return f"{len(history.batches)} batches on the timeline"
 
     return Job(title=TITLE, load=lambda _: read_history(folder), finish=finish)
@@ -136,6 +137,7 @@ def answer_job(context: bpy.types.Context) -> Job:
         for old in jobs_in(scene):
             remove_job(old)
         yield from show_job_steps(history, scene, folder=str(folder))
+        hide_for_jobs(scene)
         scene.frame_set(scene.frame_end)
         return f"Batch {answer['batch']} answered; the next waypoints are in {folder}"
 

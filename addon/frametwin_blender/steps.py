@@ -159,9 +159,11 @@ def draw_progress(layout: bpy.types.UILayout, context: bpy.types.Context, title:
         return False
     if runner.busy:
         row = layout.row(align=True)
-        row.progress(factor=runner.status.share, text=runner.status.stage or "starting")
+        stage = runner.status.stage or "starting"
+        row.progress(factor=runner.status.share, text=stage)
         row.operator("frametwin.cancel", text="", icon="X")
-        write_text(layout, runner.status.line, context)
+        if runner.status.line != stage:
+            write_text(layout, runner.status.line, context)
         return True
     if runner.status.message:
         icon = "ERROR" if runner.status.error else "CHECKMARK"

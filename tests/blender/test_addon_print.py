@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from worker_cases import until
 
-from frametwin.blender.curves import wireframe_from_curve
+from frametwin.blender.curves import wireframe_from_curve, wireframe_to_curve
 from frametwin.blender.print_jobs import (
     FIRST_FRAME,
     FRAMES_A_BATCH,
@@ -46,8 +46,10 @@ def roles(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
 
 
 def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any, tmp_path: Path) -> None:
+    tab.print_object = wireframe_to_curve(named_frame("bridge"), name="a print")
     ops.simulate_print()
     words = cases.pump_until_done(300.0)
+    assert tab.print_object.hide_viewport
     assert "Adapted: " in words and "As designed: " in words
     adapted, blind = jobs_in(scene)
     assert tab.print.job.endswith("print-002") and tab.plan.hide_viewport
@@ -79,8 +81,10 @@ def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any
     assert scene.frame_current == FIRST_FRAME
     ops.remove_jobs()
     assert not jobs_in(scene) and not scene.timeline_markers and not ops.step_batch.poll()
+    tab.plan.hide_viewport = False
     ops.show_job()
     assert "batches on the timeline" in cases.pump_until_done()
+    assert tab.plan.hide_viewport
     check_film(Path(tab.print.job), tmp_path)
 
 
