@@ -214,3 +214,17 @@ def test_uneven_stretch_costs_more_than_bending() -> None:
     along, across = np.tile(axis, 2), np.tile(aside / np.linalg.norm(aside), 2)
     assert along @ stiffness @ along > 20.0 * (across @ stiffness @ across)
     assert along @ stiffness @ across == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_strut_that_stands_alone_is_held_against_spinning() -> None:
+    """Turning about its own chord costs a round beam nothing, whole or twisted evenly; here it costs its torsion."""
+    length, radius = 20.0, 1.0
+    elastic = ElasticFrame(lone(length, radius))
+    axis = elastic.frame.vertices[1] / length
+    spin = np.concatenate([np.zeros(3), axis, np.zeros(3), axis])
+    assert spin @ elastic.stiffness[0] @ spin == pytest.approx(0.0, abs=1e-9)
+    torsion = (1.0 / 2.7) * 2.0 * length**2 / (12.0 * radius**2)  # GJ / L by 12 EI R^2 / L^3
+    assert spin @ elastic.spin_stiffness[0] @ spin == pytest.approx(2.0 * torsion, rel=0.01)
+    aside = np.cross(axis, [0.0, 0.0, 1.0])
+    tilt = np.concatenate([aside, aside, -aside, aside])
+    assert tilt @ elastic.spin_stiffness[0] @ tilt == pytest.approx(0.0, abs=1e-9)

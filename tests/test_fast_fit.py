@@ -209,3 +209,39 @@ def test_specks_in_the_pictures_do_no_harm() -> None:
     twin = result.twin
     assert evaluate(twin.control_points, twin.vertices, simulation.truth).curves.mean <= 0.06
     assert len(missing_struts(twin, simulation.frame.printed)) == 0
+
+
+def stubs(length: float = 2.2) -> Wireframe:
+    """Posts on a plate, hardly longer than they are thick and a little bent, each alone."""
+    feet = np.array([[x, y, 0.0] for x in (0.0, 40.0, 80.0) for y in (0.0, 40.0)])
+    vertices = np.concatenate([feet, feet + np.array([0.0, 0.0, length])])
+    frame = Wireframe.create(vertices, [[k, k + len(feet)] for k in range(len(feet))], radius=1.0)
+    curves = np.array(frame.control_points)
+    curves[:, 1:3, 0] += [0.4, -0.4]
+    return frame.replace(control_points=curves)
+
+
+def test_stubs_that_stand_alone_are_found() -> None:
+    plan = stubs()
+    shift = np.where(plan.vertices[:, 2:] > 0.0, [0.3, -0.2, -0.1], 0.0)
+    simulation = simulate(plan, SimulationSettings(size=HALF, peak=0.1))
+    curves = plan.control_points + np.linspace(0.0, 1.0, 4)[:, None] * shift[plan.edges[:, 1]][:, None]
+    real = plan.replace(vertices=plan.vertices + shift, control_points=curves)
+    masks = [picture / np.float32(255) for picture in silhouettes(real, simulation.cameras)]
+    twin = fit_views(plan, simulation.cameras, masks).twin
+    assert np.linalg.norm(twin.control_points - curves, axis=2).max() < 0.5  # half a radius
+    assert len(missing_struts(twin, plan.printed)) == 0
+
+
+def test_stubs_between_joints_that_are_seen_are_trusted() -> None:
+    """Their middles are hidden behind their own joints, but there is nowhere else that they could be."""
+    bridge = thin(named_frame("bridge"))
+    short = int(np.flatnonzero(~bridge.grounded[bridge.edges].any(axis=1))[1])
+    a, b = bridge.edges[short]
+    vertices = np.array(bridge.vertices)
+    vertices[b] = vertices[a] + [2.5 * bridge.radius[short], 0.0, 0.0]
+    frame = thin(Wireframe.create(vertices, bridge.edges, radius=bridge.radius))
+    simulation = simulate(frame, SimulationSettings(size=HALF, peak=1.0))
+    twin = fit_views(frame, simulation.cameras, masks_of(simulation)).twin
+    assert np.abs(twin.control_points - simulation.truth.control_points)[short].max() < 0.1 * bridge.radius[short]
+    assert twin.confidence[short] > 0.3

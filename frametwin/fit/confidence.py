@@ -14,13 +14,18 @@ HALF = 0.1
 """Standard deviation, as a share of the strut's radius, at which the confidence is one half."""
 
 
+BOW = 0.05
+"""Standard deviation, as a share of its length, of how far a strut bows between joints that are known. It says
+something of stubs that are hidden behind the joints they connect, and next to nothing of slender struts."""
+
+
 def standard_deviation(elastic: ElasticFrame, terms: Terms) -> np.ndarray:
     """(E,) mm: the least certain direction of each strut, at its joints or its middle.
 
     A joint's information is that of all struts that meet there and of its disc: struts of several directions
     tell together what each alone hides along itself, and no camera sees along its own line of sight. The middle's is
-    the strut's own, across the strut: along it, no silhouette ever shows a motion. Neighbouring joints are taken as
-    known, so this is the least error that the pictures leave, not all of it.
+    the strut's own, across the strut (along it, no silhouette ever shows a motion), and that no strut bows far.
+    Neighbouring joints are taken as known, so this is the least error that the pictures leave, not all of it.
     """
     joints = terms.joint_hessian.copy()
     for side in (0, 1):
@@ -35,7 +40,8 @@ def standard_deviation(elastic: ElasticFrame, terms: Terms) -> np.ndarray:
     across = np.eye(3) - along
     trace = np.trace(middle, axis1=1, axis2=2)[:, None, None]
     seen = across @ middle @ across + along * trace  # the direction along the strut does not count
-    least = np.minimum(joint[elastic.edges].min(axis=1), np.linalg.eigvalsh(seen)[:, 0])
+    straight = (NOISE / (BOW * np.linalg.norm(chord, axis=1))) ** 2
+    least = np.minimum(joint[elastic.edges].min(axis=1), np.linalg.eigvalsh(seen)[:, 0] + straight)
     return NOISE / np.sqrt(np.maximum(least, 1e-12))
 
 

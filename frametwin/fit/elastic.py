@@ -34,6 +34,8 @@ class ElasticFrame:
     follow : (E, 12, 12) from the freedoms of both ends (u, w, u, w) to the four control points' displacements.
     freedoms : (E, 12) indices of the ends' freedoms, vertex v owning 6 v .. 6 v + 5.
     stiffness : (E, 12, 12) of each strut, over the ends' freedoms.
+    spin_stiffness : (E, 12, 12) against turns of the ends about the strut's own chord, which nothing else holds in a
+        strut that stands alone: turns are linear here, and a bent strut that spun would fly apart.
     inner_stiffness : (E, 6, 6) over the inner control points.
     """
 
@@ -50,6 +52,7 @@ class ElasticFrame:
         young = np.full(len(chord), 1.0 / unit)
         self.stiffness = element_stiffness(start, end, Sections.round(frame.radius, young, young / 2.7))
         tangent = (end - start) / chord[:, None]
+        self.spin_stiffness = _spin_stiffness(tangent, young / 2.7 * 2.0 * inertia / chord)
         self.inner_stiffness = _inner_stiffness(tangent, inertia / chord**3 / unit, area / chord / unit)
         self._pattern()
 
@@ -143,6 +146,14 @@ def _hermite(control_points: np.ndarray) -> np.ndarray:
     result[:, 6:9, 0:3], result[:, 6:9, 6:9] = third, one - third
     result[:, 3:6, 3:6] = -cross_matrix(arm_start)
     result[:, 6:9, 9:12] = -cross_matrix(arm_end)
+    return result
+
+
+def _spin_stiffness(tangent: np.ndarray, torsion: np.ndarray) -> np.ndarray:
+    """(E, 12, 12): each end held against turns about the tangent (E, 3) as by the strut's own torsion (E,)."""
+    result = np.zeros((len(tangent), 12, 12))
+    result[:, 3:6, 3:6] = torsion[:, None, None] * tangent[:, :, None] * tangent[:, None, :]
+    result[:, 9:12, 9:12] = result[:, 3:6, 3:6]
     return result
 
 

@@ -123,8 +123,8 @@ def free_step(
 ) -> tuple[np.ndarray, np.ndarray]:
     """One Gauss-Newton step of every joint and strut.
 
-    Minimises the linearised loss + pull E(pose + step - anchor) + drag E(step) over the step, E the elastic energy.
-    The struts' own freedoms are eliminated strut by strut; what is left is sparse.
+    Minimises the linearised loss + pull E(pose + step - anchor) + drag E(step) over the step, E the elastic energy
+    with that against spinning struts. The struts' own freedoms are eliminated strut by strut; what is left is sparse.
 
     Returns
     -------
@@ -134,10 +134,11 @@ def free_step(
     turned = follow.transpose(0, 2, 1)
     away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
     bent = pose.inner - anchor.inner
-    outer = np.matmul(turned, np.matmul(terms.hessian, follow)) + (pull + drag) * elastic.stiffness
+    stiffness = elastic.stiffness + elastic.spin_stiffness
+    outer = np.matmul(turned, np.matmul(terms.hessian, follow)) + (pull + drag) * stiffness
     mixed = np.matmul(turned, terms.hessian[:, :, INNER])
     inner = terms.hessian[:, INNER, INNER] + (pull + drag) * elastic.inner_stiffness
-    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(elastic.stiffness, away[:, :, None])
+    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(stiffness, away[:, :, None])
     inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
     solved = np.linalg.solve(inner, np.concatenate([mixed.transpose(0, 2, 1), inner_slope], axis=2))
     outer -= np.matmul(mixed, solved[:, :, :12])
