@@ -43,7 +43,7 @@ def _draw() -> None:
 
 
 def _draw_legend(legend: Legend, scale: float, room: Room) -> None:
-    left, low = room.left + MARGIN * scale, room.low + (MARGIN + 2 * TEXT) * scale
+    left, low = room.left + MARGIN * scale, room.low + (MARGIN + 3 * TEXT) * scale
     width, height = min(WIDTH * scale, room.right - MARGIN * scale - left), HEIGHT * scale
     _draw_bar(left, low, width, height, legend.colours)
     unit = f" ({legend.unit})" if legend.unit else ""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-MARGIN = 1.08
+MARGIN = 1.2
 """How much larger than what is to be seen the part of the view is that it gets."""
 
 BORDER = 4
