@@ -22,11 +22,11 @@ from frametwin.wireframe import Wireframe
 
 WARM: dict[str, Any] = {
     "refine": (
-        Stage(0.9, 1.5, 3, 4, 0.12, 1.2),
+        Stage(0.9, 1.5, 2, 4, 0.12, 1.2),
         Stage(0.9, 1.0, 2, 4, 0.12, 0.4),
         Stage(1.8, 0.7, 2, 6, 0.04, 0.12, 1.5),
     ),
-    "finish": (Stage(3.6, 0.4, 3, 8, 0.005, 0.08, 1.5, 0.7), Stage(8.0, 0.3, 2, 8, 0.002, 0.04, 1.5, 0.6)),
+    "finish": (Stage(3.6, 0.4, 2, 8, 0.005, 0.08, 1.5, 0.7), Stage(8.0, 0.3, 1, 8, 0.002, 0.04, 1.5, 0.8)),
 }
 """What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a few radii of where
 it starts, so that one more blurred stage does for the coarse ones, and fewer steps do. The error is the same. The last
