@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from ast import literal_eval
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,22 @@ from frametwin.printing.exports.assembly import write_assembly
 from frametwin.printing.exports.compas import read_compas_frames
 from frametwin.printing.exports.gcode import FILAMENT, read_gcode
 from frametwin.printing.exports.urscript import read_urscript
+from frametwin.printing.job import Job
 from frametwin.printing.order import OrderSettings, plan_sequence
-from frametwin.printing.reach import A2, A3, D1, D4, D5, D6, unreachable, unreachable_by_compas_fab, within_reach
+from frametwin.printing.plan_job import PlanOptions, plan_job
+from frametwin.printing.reach import (
+    A2,
+    A3,
+    D1,
+    D4,
+    D5,
+    D6,
+    check_reach,
+    frames_for_compas_fab,
+    unreachable,
+    unreachable_by_compas_fab,
+    within_reach,
+)
 from frametwin.printing.waypoints import APPROACH, PRINT, Waypoints, waypoints_of
 from frametwin.printing.workspace import Workspace
 
@@ -183,11 +198,36 @@ def test_reach_of_waypoints(points: Waypoints, limits: Workspace) -> None:
     assert len(unreachable(points, far, 150.0)) == len(points)
 
 
-def test_without_compas_fab_its_check_says_so(points: Waypoints, limits: Workspace) -> None:
-    try:
-        import compas_fab  # noqa: F401
-    except ImportError:
+def test_flanges_are_handed_to_compas_fab_as_it_has_them() -> None:
+    """Its UR10eKinematics().forward of these joints, version 2.0.1."""
+    pose = forward(np.array([0.3, -1.0, 1.2, -0.4, 0.9, 0.2]))
+    point, axes = frames_for_compas_fab(pose[None, :3, 3], pose[None, :3, :3])
+    np.testing.assert_allclose(point[0], [0.886749, 0.532431, 0.483397], atol=1e-6)
+    np.testing.assert_allclose(axes[0][:, :2].T, [[0.550, 0.821, 0.156], [0.835, -0.545, -0.074]], atol=6e-4)
+    assert np.linalg.det(axes[0]) == pytest.approx(1.0)
+
+
+def test_compas_fab_agrees_where_it_is_installed(points: Waypoints, limits: Workspace) -> None:
+    if find_spec("compas_fab") is None:
         with pytest.raises(InputError, match="compas_fab: is not installed"):
             unreachable_by_compas_fab(points, limits, 150.0)
+        assert check_reach(points, limits, 150.0) == "built-in"
         return
-    assert unreachable_by_compas_fab(points, limits, 150.0).tolist() == unreachable(points, limits, 150.0).tolist()
+    for away in np.linspace(0.0, 1200.0, 7):  # from where all can be reached to where nothing can
+        base = limits.base.copy()
+        base[0, 3] += away
+        there = dataclasses.replace(limits, base=base)
+        assert unreachable_by_compas_fab(points, there, 150.0).tolist() == unreachable(points, there, 150.0).tolist()
+    assert check_reach(points, limits, 150.0) == "compas_fab"
+
+
+def test_what_the_arm_cannot_reach_is_not_written(tmp_path: Path) -> None:
+    options = {"allow_contact": True, "ur10e_tool": 150.0, "max_tilt_deg": 30.0}
+    near = tuple(map(tuple, np.eye(4) + 600.0 * np.eye(4, k=3)))
+    job = plan_job(tmp_path / "near", tower(), PlanOptions(base=near, **options))
+    assert job.waypoint_summary(0)["reach"] in ("built-in", "compas_fab")
+    assert Job(job.folder).settings.robot.ur10e_tool == 150.0
+    far = tuple(map(tuple, np.eye(4) + 1800.0 * np.eye(4, k=3)))
+    with pytest.raises(InputError, match=r"batch 0: waypoint \d+ \(.*strut \d+\): is out of a UR10e's reach"):
+        plan_job(tmp_path / "far", tower(), PlanOptions(base=far, **options))
+    assert not (tmp_path / "far").exists()

@@ -53,6 +53,13 @@ from frametwin.cli.print_common import Formats, Numbers, loop_options, order_opt
 @click.option(
     "--max-speed", type=Positive(), default=250.0, show_default=True, help="Of the tool's tip in mm/s, anywhere."
 )
+@click.option(
+    "--ur10e-tool",
+    type=click.FloatRange(0.0),
+    metavar="MM",
+    help="The robot is a UR10e with a tool of this length from its flange to the tip: what its arm cannot reach is"
+    " refused too (by compas_fab where that is installed).",
+)
 @click.option("--speed", type=Positive(), help="Of the tool's tip while it lays a strut, in mm/s.  [default: 5]")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the search for an order.")
 @overwrite_option("JOB")
@@ -86,6 +93,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     if as_json:
         print_json({"out": out, **data})
         return
+    reach = data["first"]["reach"]
     low, high = (", ".join(f"{value:.0f}" for value in corner) for corner in data["workspace"])
     print_facts(
         f"job: {out}",
@@ -93,6 +101,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
             ("frame", f"{data['frame']}, {data['struts']} struts in {data['batches']} batches"),
             ("workspace", f"from ({low}) to ({high}) mm in the robot's base, up to {data['max_speed']:g} mm/s"),
             ("first batch", f"{data['first']['struts']} struts, {data['first']['seconds'] / 60.0:.0f} min of printing"),
+            *([] if reach is None else [("reach", f"a UR10e takes all waypoints of it ({reach})")]),
             *[("contact", sentence) for sentence in data["first"]["contacts"]],
             ("waypoints", f"{job.batch_folder(0) / 'waypoints'}"),
             ("next", f"print them, take pictures, then: frametwin print next {out} --capture CAPTURE"),

@@ -53,6 +53,8 @@ class PlanOptions:
         4 by 4 rigid transform from the frame's coordinates to the robot's base; ``None`` for none.
     max_speed
         Of the tip in mm/s.
+    ur10e_tool
+        See `frametwin.printing.robot_files.RobotSettings`.
     adapt, anticipate, compensate, reprint
         See `JobSettings`; a job that does not adapt does not anticipate either.
     limits
@@ -70,6 +72,7 @@ class PlanOptions:
     workspace: tuple[float, float, float, float, float, float] | None = None
     base: Matrix | None = None
     max_speed: float = 250.0
+    ur10e_tool: float | None = None
     adapt: bool = True
     anticipate: bool = True
     compensate: bool = False
@@ -102,8 +105,9 @@ class PlanOptions:
             "max_tilt_deg": self.max_tilt_deg,
             "allow_contact": self.allow_contact,
         }
+        waypoints = WaypointSettings(**{**own, **self.waypoints})
         return JobSettings(
-            robot=RobotSettings(self.place(frame), WaypointSettings(**{**own, **self.waypoints}), tuple(self.formats)),
+            robot=RobotSettings(self.place(frame), waypoints, tuple(self.formats), self.ur10e_tool),
             adapt=self.adapt,
             anticipate=self.adapt and self.anticipate,
             compensate=self.compensate,

@@ -93,9 +93,10 @@ def unreachable_by_compas_fab(waypoints: Waypoints, limits: Workspace, tool_leng
         problem, remedy = "is not installed", "install it, or ask for the built-in check"
         raise InputError.at("reach", "compas_fab", problem, remedy) from error
     solver: Any = UR10eKinematics()
-    position, rotation = _flange(waypoints, limits, tool_length)
     bad = []
-    for n, (point, turn) in enumerate(zip(position / 1000.0, rotation, strict=True)):
+    for n, (point, turn) in enumerate(
+        zip(*frames_for_compas_fab(*_flange(waypoints, limits, tool_length)), strict=True)
+    ):
         try:
             solutions = solver.inverse(Frame(point.tolist(), turn[:, 0].tolist(), turn[:, 1].tolist()))
         except ValueError:  # out of reach
@@ -103,6 +104,41 @@ def unreachable_by_compas_fab(waypoints: Waypoints, limits: Workspace, tool_leng
         if not any(solution is not None for solution in solutions):
             bad.append(n)
     return np.array(bad, dtype=np.int64)
+
+
+def frames_for_compas_fab(position: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Flanges (N, 3) in mm and (N, 3, 3) as compas_fab's solver has them: (N, 3) in m and (N, 3, 3).
+
+    Its base is half a turn about z from the controller's, and its flange looks along x: the flange's z is its x, and
+    the flange's x is its -y (compared with its forward kinematics, compas_fab 2.0.1).
+    """
+    half_turn = np.array([-1.0, -1.0, 1.0])
+    turned = half_turn[:, None] * rotation
+    axes = np.stack([turned[:, :, 2], -turned[:, :, 0], -turned[:, :, 1]], axis=2)
+    return position * half_turn / 1000.0, axes
+
+
+def check_reach(waypoints: Waypoints, limits: Workspace, tool_length: float) -> str:
+    """Refuse waypoints that a UR10e cannot take: by compas_fab where it is installed, else in closed form.
+
+    Returns
+    -------
+    Who looked: ``"compas_fab"`` or ``"built-in"``.
+
+    Raises
+    ------
+    InputError
+        The sentence names the first such waypoint and its strut.
+    """
+    try:
+        bad, by = unreachable_by_compas_fab(waypoints, limits, tool_length), "compas_fab"
+    except InputError:
+        bad, by = unreachable(waypoints, limits, tool_length), "built-in"
+    if len(bad):
+        problem = f"is out of a UR10e's reach with a tool of {tool_length:g} mm, as are {len(bad) - 1} others"
+        remedy = "move the print nearer (the base), or plan the order with less tilt"
+        raise limits.refusal(waypoints, int(bad[0]), problem, remedy)
+    return by
 
 
 def _flange(waypoints: Waypoints, limits: Workspace, tool_length: float) -> tuple[np.ndarray, np.ndarray]:

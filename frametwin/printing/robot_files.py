@@ -14,6 +14,7 @@ from frametwin.errors import InputError
 from frametwin.files import write_json
 from frametwin.printing.exports import SUFFIXES, write_waypoints
 from frametwin.printing.exports.assembly import write_assembly
+from frametwin.printing.reach import check_reach
 from frametwin.printing.sequence import PrintSequence
 from frametwin.printing.waypoints import WaypointSettings, waypoints_of
 from frametwin.printing.workspace import Workspace
@@ -36,22 +37,28 @@ class RobotSettings:
         How struts are laid.
     formats
         Of `FORMATS`; ``assembly`` is the whole plan and no waypoints.
+    ur10e_tool
+        From the flange of a UR10e to the nozzle's tip, along the flange's z, in mm: nothing that its arm cannot reach
+        is written either (`frametwin.printing.reach`). ``None`` for another robot, whose reach nobody looks at.
 
     Raises
     ------
     InputError
-        If a format is unknown.
+        If a format is unknown, or the tool has no length.
     """
 
     workspace: Workspace
     waypoints: WaypointSettings = WaypointSettings()
     formats: tuple[str, ...] = ("json", "urscript", "gcode")
+    ur10e_tool: float | None = None
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.formats if name not in FORMATS]
         if unknown:
             remedy = f"give one of {', '.join(FORMATS)}"
             raise InputError.at("settings", "formats", f"{unknown[0]!r} is unknown", remedy)
+        if self.ur10e_tool is not None and not 0.0 <= self.ur10e_tool < np.inf:
+            raise InputError.at("settings", "ur10e_tool", f"is {self.ur10e_tool}", "give millimetres, 0 or more")
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""
@@ -59,6 +66,7 @@ class RobotSettings:
             "workspace": self.workspace.as_dict(),
             "waypoints": dataclasses.asdict(self.waypoints),
             "formats": list(self.formats),
+            "ur10e_tool": self.ur10e_tool,
         }
 
     @classmethod
@@ -79,7 +87,10 @@ class RobotSettings:
             field = unknown[0] if unknown else sorted(known - data["workspace"].keys())[0]
             raise InputError.at(source, f"workspace.{field}", "is missing or unknown", "plan the job again")
         waypoints = WaypointSettings(**convert_fields(WaypointSettings, data["waypoints"], source))
-        return cls(Workspace(**data["workspace"]), waypoints, tuple(data["formats"]))
+        tool = data.get("ur10e_tool")
+        if not (tool is None or type(tool) in (int, float)):
+            raise InputError.at(source, "robot.ur10e_tool", "is no number", "plan the job again")
+        return cls(Workspace(**data["workspace"]), waypoints, tuple(data["formats"]), tool)
 
 
 def write_robot_files(
@@ -112,18 +123,21 @@ def write_robot_files(
     Returns
     -------
     The summary, as it is written to ``summary.json``: ``batch``, ``struts``, ``seconds`` that the robot takes,
-    ``contacts`` in sentences, and ``files``.
+    ``contacts`` in sentences, ``reach`` (who looked at it, or ``None``), and ``files``.
 
     Raises
     ------
     InputError
-        If a waypoint is outside of the workspace or too fast, or a strut cannot be laid without contact.
+        If a waypoint is outside of the workspace, out of reach or too fast, or a strut cannot be laid without contact.
     """
     wanted = settings.waypoints
     if allow_contact and not wanted.allow_contact:
         wanted = dataclasses.replace(wanted, allow_contact=True)
     waypoints = waypoints_of(plan, sequence, batch, wanted, design, rate=rate)
     settings.workspace.check(waypoints)
+    reach = None
+    if settings.ur10e_tool is not None:
+        reach = check_reach(waypoints, settings.workspace, settings.ur10e_tool)
     names = []
     for name in settings.formats:
         if name == "assembly":
@@ -139,6 +153,7 @@ def write_robot_files(
         "struts": waypoints.struts,
         "seconds": waypoints.seconds,
         "contacts": list(waypoints.contacts),
+        "reach": reach,
         "files": names,
     }
     write_json(folder / SUMMARY, summary)

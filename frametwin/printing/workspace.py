@@ -90,24 +90,25 @@ class Workspace:
         if beyond[worst].max() > ROUNDING:
             side = "xyz"[int(np.argmax(beyond[worst]))]
             problem = f"is {beyond[worst].max():.3g} mm outside of the workspace in {side}"
-            raise self._refusal(waypoints, worst, problem, "move the print, or give the workspace that the robot has")
+            raise self.refusal(waypoints, worst, problem, "move the print, or give the workspace that the robot has")
         tilt = np.degrees(np.arccos(np.clip(waypoints.axis[:, 2], -1.0, 1.0)))
         worst = int(np.argmax(tilt))
         if tilt[worst] > self.max_tilt_deg + 1e-6:
             problem = f"leans {tilt[worst] - self.max_tilt_deg:.3g} degrees more than the allowed {self.max_tilt_deg:g}"
-            raise self._refusal(waypoints, worst, problem, "plan the order with less tilt")
+            raise self.refusal(waypoints, worst, problem, "plan the order with less tilt")
         worst = int(np.argmax(waypoints.speed))
         if waypoints.speed[worst] > self.max_speed * (1.0 + 1e-9):
             problem = (
                 f"is {waypoints.speed[worst] - self.max_speed:.3g} mm/s faster than the allowed {self.max_speed:g}"
             )
-            raise self._refusal(waypoints, worst, problem, "give lower speeds")
+            raise self.refusal(waypoints, worst, problem, "give lower speeds")
         still = np.flatnonzero(waypoints.speed <= 0.0)
         if len(still):
-            raise self._refusal(waypoints, int(still[0]), "has no speed", "give speeds above 0")
+            raise self.refusal(waypoints, int(still[0]), "has no speed", "give speeds above 0")
 
     @staticmethod
-    def _refusal(waypoints: Waypoints, n: int, problem: str, remedy: str) -> InputError:
+    def refusal(waypoints: Waypoints, n: int, problem: str, remedy: str) -> InputError:
+        """What to raise because of waypoint ``n``: it and its strut are named."""
         kind = KINDS[int(waypoints.kind[n])]
         field_name = f"waypoint {n} ({kind}, strut {int(waypoints.strut[n])})"
         return InputError.at(f"batch {waypoints.batch}", field_name, problem, remedy)
