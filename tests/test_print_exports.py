@@ -79,6 +79,17 @@ def test_urscript_reads_back(tmp_path: Path, points: Waypoints, limits: Workspac
     np.testing.assert_allclose(program.dwell, points.dwell, atol=1e-3)
 
 
+def test_urscript_stops_only_at_the_ends_of_struts(tmp_path: Path, points: Waypoints, limits: Workspace) -> None:
+    blend = read_urscript(write_waypoints(tmp_path / "w.script", points, "urscript", limits)).blend
+    way = np.linalg.norm(np.diff(points.position, axis=0), axis=1)
+    assert (blend[1:] + blend[:-1] <= way).all()  # neighbours' blends do not overlap
+    for strut in points.struts:
+        printed = np.flatnonzero((points.strut == strut) & (points.kind == PRINT))
+        assert (blend[printed[:-1]] > 0.0).all() and blend[printed[-1]] == 0.0
+    assert (blend[(points.kind != PRINT) | (points.dwell > 0.0)] == 0.0).all()
+    assert (blend > 0.0).sum() > len(points.struts)
+
+
 def test_gcode_reads_back(tmp_path: Path, points: Waypoints, limits: Workspace) -> None:
     moves = read_gcode(write_waypoints(tmp_path / "w.gcode", points, "gcode", limits))
     expected = points.position @ limits.base[:3, :3].T + limits.base[:3, 3]

@@ -84,9 +84,9 @@ def checked_axes(
                 contacts.append(f"strut {struts[n]}: the nozzle touches {listed(touched)}")
     if contacts and not allow_contact:
         shown = "; ".join(contacts[:3]) + (f"; and {len(contacts) - 3} more" if len(contacts) > 3 else "")
-        raise InputError.at(
-            plan.name, f"batch {batch}", shown, "take a smaller nozzle, allow more tilt, or allow contact"
-        )
+        remedy = "take a smaller nozzle, allow more tilt, or let it touch: allow contact when planning the job, or"
+        remedy += " accept contact when answering the batch before"
+        raise InputError.at(plan.name, f"batch {batch}", shown, remedy)
     changed = (axis != sequence.axis[place]).any(axis=1)
     return CheckedAxes(axis, changed, tuple(contacts))
 
