@@ -18,6 +18,7 @@ from frametwin.fit.presence import (
     THINNEST,
     learn_thickness,
     seen_opacity,
+    shortest_gap,
     strut_whiteness,
     without_gaps,
 )
@@ -185,3 +186,13 @@ def test_single_dark_pieces_are_no_gaps() -> None:
     expected = [[1, 1, 1, 1, 1, 1], [1, 1, 0, 0, 1, 1], [0] * 6]
     np.testing.assert_array_equal(without_gaps(opacity, 0.5), expected)
     np.testing.assert_array_equal(without_gaps(np.array([[0.4], [0.6]]), 0.5), [[0], [1]])
+
+
+def test_gaps_of_stubs_are_as_long_as_those_of_slender_struts() -> None:
+    """Six pieces of struts of 18, 6 and 2 radii: three radii are one piece (two are asked for), three, and nine."""
+    shortest = shortest_gap(np.array([18.0, 6.0, 2.0]), np.ones(3), 6)
+    assert shortest.tolist() == [2, 3, 9]
+    dark = np.array([[1.0, 0.1, 0.1, 1.0, 1.0, 0.1]] * 3)
+    kept = [[1, 0, 0, 1, 1, 1], [1, 1, 1, 1, 1, 1], [1, 1, 1, 1, 1, 1]]
+    np.testing.assert_array_equal(without_gaps(dark, 0.5, shortest), kept)
+    np.testing.assert_array_equal(without_gaps(np.full((3, 6), 0.1), 0.5, shortest), np.zeros((3, 6)))  # missing

@@ -10,6 +10,7 @@ from frametwin import bezier
 from frametwin.errors import InputError
 from frametwin.finite_rotation import rotation_matrices
 from frametwin.printing.adapt import AdaptSettings, adapt, lost_struts
+from frametwin.printing.plate import feet_on_plate
 from frametwin.twin import Twin
 from frametwin.wireframe import Wireframe
 
@@ -156,3 +157,25 @@ def test_twins_of_other_frames_are_refused() -> None:
         adapt(frame, twin_at(frame.vertices[:4], frame.control_points[:3]), SHIFT)
     with pytest.raises(InputError, match="completeness"):
         AdaptSettings(completeness=1.5)
+
+
+def test_feet_are_where_the_plate_has_them() -> None:
+    """What fits are off at feet does not add up from batch to batch."""
+    design = plan()
+    off = moved(design, SHIFT)
+    frame = design.replace(vertices=off.vertices, control_points=off.control_points)
+    back = feet_on_plate(frame, design, design.printed_vertices())
+    feet = design.grounded
+    assert feet.any() and not feet.all()
+    np.testing.assert_array_equal(back.vertices[feet], design.vertices[feet])
+    np.testing.assert_array_equal(back.vertices[~feet], frame.vertices[~feet])
+    # A strut keeps its shape but for what its foot moves, in proportion.
+    np.testing.assert_allclose(
+        bezier.evaluate(back.control_points[LEFT], U) - bezier.evaluate(frame.control_points[LEFT], U),
+        np.outer(1.0 - U, design.vertices[0] - frame.vertices[0]),
+        atol=1e-9,
+    )
+    np.testing.assert_array_equal(back.control_points[BRIDGING], frame.control_points[BRIDGING])
+    assert feet_on_plate(design, design, feet) is design
+    nobody = np.zeros(design.vertex_count, dtype=bool)
+    assert feet_on_plate(frame, design, nobody) is frame

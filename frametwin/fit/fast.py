@@ -216,7 +216,8 @@ class _Run:
         if self.settings.learn_opacity:
             level, _ = self._level(stage.detail, stage.blur)
             opacity, _ = presence.seen_opacity(as_rods(self.elastic, self.pose, stage.pieces), level)
-            self.pose = replace(self.pose, opacity=presence.without_gaps(opacity, self.settings.absent))
+            shortest = presence.shortest_gap(self.frame.chord_lengths, self.frame.radius, stage.pieces)
+            self.pose = replace(self.pose, opacity=presence.without_gaps(opacity, self.settings.absent, shortest))
 
     def _astray(self, stage: Stage) -> np.ndarray:
         level, _ = self._level(stage.detail, stage.blur)

@@ -15,6 +15,9 @@ IN_VIEW = 0.02
 """A piece is judged by itself if it is in plain view on at least this share of the pixels that it covers in all
 views together; a piece in less takes its strut's judgement, and a strut in less is believed to be there."""
 
+GAP = 3.0
+"""Radii of the shortest gap in a strut."""
+
 THINNEST, THICKEST = 0.3, 3.0
 """Limits of a strut's radius, as shares of the planned one."""
 
@@ -41,19 +44,40 @@ def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
     return np.where(weight > needed, opacity, strut[:, None]), weight
 
 
-def without_gaps(opacity: np.ndarray, absent: float) -> np.ndarray:
-    """(E, P) 1 where a piece is there and 0 in gaps: two or more pieces in a row that are less opaque than ``absent``.
+def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None = None) -> np.ndarray:
+    """(E, P) 1 where a piece is there and 0 in gaps: so many pieces in a row that are less opaque than ``absent``.
 
     Single pieces look dark where they are not yet in their place, the end of a short strut above all. Were they left
     out, nothing would pull them there, and their joint would have no disc to be placed by.
+
+    Parameters
+    ----------
+    opacity
+        (E, P) of the pieces.
+    absent
+        A piece that is less opaque is dark.
+    shortest
+        (E,) pieces of the shortest gap (`shortest_gap`); two by default. A strut that is dark from end to end is
+        missing whatever its length.
     """
-    dark = opacity < absent
-    if opacity.shape[1] == 1:
-        return np.where(dark, 0.0, 1.0)
-    beside = np.zeros_like(dark)
-    beside[:, 1:] |= dark[:, :-1]
-    beside[:, :-1] |= dark[:, 1:]
-    return np.where(dark & beside, 0.0, 1.0)
+    dark, count = opacity < absent, opacity.shape[1]
+    least = np.full(len(opacity), 2) if shortest is None else shortest
+    least = np.clip(least, 1, count)
+    gap = np.zeros_like(dark)
+    for length in np.unique(least):
+        struts = least == length
+        for first in range(count - length + 1):
+            row = slice(first, first + length)
+            gap[struts, row] |= dark[struts, row].all(axis=1)[:, None]
+    return np.where(gap, 0.0, 1.0)
+
+
+def shortest_gap(lengths: np.ndarray, radius: np.ndarray, pieces: int) -> np.ndarray:
+    """(E,) pieces, two or more, of the shortest gap that is believed, `GAP` radii (E,) of struts of lengths (E,).
+
+    Of pieces that are shorter than they are thick one sees little but their neighbours.
+    """
+    return np.maximum(2, np.ceil(GAP * radius * pieces / lengths - 1e-9)).astype(np.int64)
 
 
 def strut_whiteness(drawn: Rods, level: Level) -> np.ndarray:

@@ -29,6 +29,7 @@ from frametwin.printing.job_files import JobSettings
 from frametwin.printing.next_batch import NextBatch
 from frametwin.printing.observation import Observation
 from frametwin.printing.outcome import largest_deviation
+from frametwin.printing.plate import feet_on_plate
 from frametwin.printing.requeue import laid_again
 from frametwin.printing.sequence import PrintSequence
 from frametwin.printing.sequence_file import write_sequence
@@ -249,7 +250,9 @@ def _going_on(step: Step, found: _Found | None, options: AnswerOptions) -> Going
         sequence = laid_again(sequence, again, batch)
     frame, laid = step.expected.frame, len(step.expected.laid)
     seen = (*step.seen, Observation.of(batch, frame, found.fit.result.twin, before=step.before, struts=laid))
-    return GoingOn(_compensated(step, found, seen), sequence, again, seen)
+    adapted = _compensated(step, found, seen)
+    # Where a strut is to be laid again from the plate, the plate has not moved.
+    return GoingOn(feet_on_plate(adapted, step.design, ~adapted.printed_vertices()), sequence, again, seen)
 
 
 def _compensated(step: Step, found: _Found, seen: Sequence[Observation]) -> Wireframe:

@@ -29,6 +29,7 @@ from frametwin.printing.guards import Expectation
 from frametwin.printing.job_files import JobFile, JobSettings
 from frametwin.printing.next_batch import NextBatch, write_batch
 from frametwin.printing.observation import Observation
+from frametwin.printing.plate import feet_on_plate
 from frametwin.printing.robot_files import SUMMARY
 from frametwin.printing.sequence import PrintSequence
 from frametwin.printing.sequence_file import read_sequence, write_sequence
@@ -183,7 +184,8 @@ class Job:
         sequence, ahead = self.sequence_at(batch), self.anticipation(batch)
         printed = ahead.plan.printed.copy()
         printed[ahead.laying.struts] = True
-        return Expectation(batch, sequence, ahead.frame(len(ahead.laying)).replace(printed=printed))
+        soon = ahead.frame(len(ahead.laying)).replace(printed=printed)
+        return Expectation(batch, sequence, feet_on_plate(soon, self.design, soon.printed_vertices()))
 
     def states(self) -> list[BatchState]:
         """All batches, those of the sequence as it goes on now."""
