@@ -203,7 +203,11 @@ def test_the_watch_is_interrupted_at_once(frame: Path, tmp_path: Path) -> None:
         assert process.stderr is not None
         assert "Waiting for the pictures" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
-        _, rest = process.communicate(timeout=20)
+        try:
+            _, rest = process.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            process.kill()  # or leaving the block would wait for it without end
+            raise
     assert process.returncode == 130 and rest == "Interrupted.\n"
 
 
