@@ -159,7 +159,7 @@ def dense_energy(elastic: ElasticFrame) -> np.ndarray:
     """Elastic energy's Hessian by all freedoms, feet on the ground held as the fit holds them."""
     joints = 6 * elastic.vertex_count
     matrix = np.zeros((joints + 6 * len(elastic.edges),) * 2)
-    matrix[:joints, :joints] = elastic.assemble(elastic.stiffness).toarray()
+    matrix[:joints, :joints] = elastic.assemble(elastic.stiffness + elastic.spin_stiffness).toarray()
     for v in np.flatnonzero(elastic.frame.grounded):
         matrix[range(6 * v, 6 * v + 3), range(6 * v, 6 * v + 3)] += GROUND / np.median(elastic.frame.radius) ** 2
     for k, block in enumerate(elastic.inner_stiffness):
