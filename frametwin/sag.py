@@ -243,14 +243,12 @@ def scaled_shape(beams: FrameBeams, joints: np.ndarray, peak: float) -> Wirefram
 def moved_frame(frame: Wireframe, vertices: np.ndarray, change: np.ndarray) -> Wireframe:
     """The frame with joints at ``vertices`` (V, 3) and its printed curves changed by ``change`` (E, 4, 3).
 
-    Unprinted curves follow their ends: control point i by (1 - i/3, i/3) of what the ends did.
+    Unprinted curves follow their ends (`Wireframe.moved_to`).
     """
-    ends = vertices[frame.edges] - frame.vertices[frame.edges]  # (E, 2, 3)
-    blended = bezier.straight(ends[:, 0], ends[:, 1])
-    change = np.where(frame.printed[:, None, None], change, blended)
-    control_points = frame.control_points + change
-    control_points[:, 0], control_points[:, 3] = vertices[frame.edges[:, 0]], vertices[frame.edges[:, 1]]
-    return frame.replace(vertices=vertices, control_points=control_points)
+    following = frame.moved_to(vertices)
+    control_points = np.where(frame.printed[:, None, None], frame.control_points + change, following.control_points)
+    control_points[:, [0, 3]] = following.control_points[:, [0, 3]]
+    return following.replace(control_points=control_points)
 
 
 def largest_displacement(change: np.ndarray) -> float:

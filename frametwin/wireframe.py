@@ -189,6 +189,16 @@ class Wireframe:
         """
         return dataclasses.replace(self, **{"source": self.name, **changes})
 
+    def moved_to(self, vertices: np.ndarray) -> Wireframe:
+        """The frame with its joints at ``vertices`` (V, 3) in mm, every curve following its ends in proportion.
+
+        Control point i moves by (1 - i/3, i/3) of what the ends do; what does not move stays as it is to the last bit.
+        """
+        ends = (vertices - self.vertices)[self.edges]  # (E, 2, 3)
+        curves = self.control_points + bezier.straight(ends[:, 0], ends[:, 1])
+        curves[:, 0], curves[:, 3] = vertices[self.edges[:, 0]], vertices[self.edges[:, 1]]
+        return self.replace(vertices=vertices, control_points=curves)
+
     def subset(self, edge_mask: Any) -> tuple[Wireframe, np.ndarray]:
         """Keep the struts of ``edge_mask`` (E,) bool, in their order, and the vertices they use.
 

@@ -124,14 +124,8 @@ class Anticipation:
 
         What is not moved stays as it is, to the last bit.
         """
-        plan, shift = self.plan, self.shift(laid)
-        if not shift.any():
-            return plan
-        vertices = plan.vertices + shift
-        curves = plan.control_points + bezier.straight(*shift[plan.edges].transpose(1, 0, 2))
-        for side, corner in ((0, 0), (1, 3)):
-            curves[:, corner] = vertices[plan.edges[:, side]]
-        return plan.replace(vertices=vertices, control_points=curves)
+        shift = self.shift(laid)
+        return self.plan.moved_to(self.plan.vertices + shift) if shift.any() else self.plan
 
     def curves(self) -> np.ndarray:
         """(N, 4, 3) mm where the robot lays the struts, each from start to end: where its joints will be by then."""

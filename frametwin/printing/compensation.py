@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frametwin import bezier
 from frametwin.errors import InputError
 from frametwin.printing.calibration import linear_drift
 from frametwin.printing.material import PrintSettings
@@ -152,11 +151,4 @@ def compensate(plan: Wireframe, design: Wireframe, to_come: np.ndarray) -> Wiref
     plate and joints of printed struts stay where they are, to the last bit.
     """
     free = ~plan.printed_vertices() & ~plan.grounded
-    shift = np.where(free[:, None], design.vertices - to_come - plan.vertices, 0.0)
-    vertices = np.where(free[:, None], design.vertices - to_come, plan.vertices)
-    change = bezier.straight(*shift[plan.edges].transpose(1, 0, 2))
-    moves = free[plan.edges].any(axis=1) & ~plan.printed
-    curves = plan.control_points + np.where(moves[:, None, None], change, 0.0)
-    for side, corner in ((0, 0), (1, 3)):
-        curves[:, corner] = vertices[plan.edges[:, side]]
-    return plan.replace(vertices=vertices, control_points=curves)
+    return plan.moved_to(np.where(free[:, None], design.vertices - to_come, plan.vertices))

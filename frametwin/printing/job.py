@@ -181,11 +181,13 @@ class Job:
 
     def expectation(self, batch: int) -> Expectation:
         """What the cameras should see after a batch has been printed."""
-        sequence, ahead = self.sequence_at(batch), self.anticipation(batch)
+        return self._expectation(batch, self.anticipation(batch))
+
+    def _expectation(self, batch: int, ahead: Anticipation) -> Expectation:
         printed = ahead.plan.printed.copy()
         printed[ahead.laying.struts] = True
         soon = ahead.frame(len(ahead.laying)).replace(printed=printed)
-        return Expectation(batch, sequence, feet_on_plate(soon, self.design, soon.printed_vertices()))
+        return Expectation(batch, self.sequence_at(batch), feet_on_plate(soon, self.design, soon.printed_vertices()))
 
     def states(self) -> list[BatchState]:
         """All batches, those of the sequence as it goes on now."""
@@ -260,13 +262,13 @@ class Job:
 
     def _step(self, batch: int) -> Step:
         earlier = {k: self.report(k)["pictures"] for k in range(batch)}
-        compensates = self.settings.adapt and self.settings.compensate
+        compensates, ahead = self.settings.adapt and self.settings.compensate, self.anticipation(batch)
         return Step(
             self.design,
             self.settings,
-            self.expectation(batch),
+            self._expectation(batch, ahead),
             earlier,
-            before=self.plan(batch).vertices,
+            before=ahead.plan.vertices,
             forecast=self._forecast if compensates else None,
             seen=self._seen_before(batch, batch if compensates else HISTORY),
         )
