@@ -71,11 +71,11 @@ def peak_megabytes() -> float:
 
 def measure(path: Path, preset: str, seed: int, views: int, pictures: str = "library") -> dict:
     """One fit of one frame, in this process."""
-    from frametwin.evaluate import evaluate
-    from frametwin.fit.api import fit_views
+    from frametwin.evaluation.evaluate import evaluate
+    from frametwin.fitting.api import fit_views
     from frametwin.formats import read_frame
-    from frametwin.parametric import named_frame
-    from frametwin.simulate import SimulationSettings, simulate
+    from frametwin.geometry.parametric import named_frame
+    from frametwin.simulation.simulate import SimulationSettings, simulate
 
     small = simulate(named_frame("bridge"), SimulationSettings(views=2, size=(120, 160)))
     changes = {} if preset == "fast" else {"iterations": 1}
@@ -105,10 +105,10 @@ def _masks(capture) -> list[np.ndarray]:
 
 def _masks_by_blender(capture, style: str) -> list[np.ndarray]:
     """Masks as Blender renders them, or found in photos that it renders."""
-    from frametwin.images import binarise_photo
-    from frametwin.png import decode_png
-    from frametwin.rendering import render_in_child
-    from frametwin.scene import Scene
+    from frametwin.blender.rendering.client import render_in_child
+    from frametwin.capture.png import decode_png
+    from frametwin.capture.scene import Scene
+    from frametwin.imaging.masks import binarise_photo
 
     scene = Scene.whole(capture.truth, capture.cameras, style)
     with tempfile.TemporaryDirectory(prefix="frametwin-") as name:

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import bpy
 
-from frametwin.blender.plan_objects import make_active
-from frametwin.blender.preview import remove_preview, show_preview
-from frametwin.blender.runner import Job, Runner
-from frametwin.blender.twins import TwinContent, import_twin, remove_twin, show_twin_steps
+from frametwin.blender.background.runner import Job, Runner
+from frametwin.blender.display.preview import remove_preview, show_preview
+from frametwin.blender.display.twins import TwinContent, import_twin, remove_twin, show_twin_steps
+from frametwin.blender.frames.plan_objects import make_active
 from frametwin.worker.client import WorkerClient, find_python
 
 

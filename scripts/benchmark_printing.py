@@ -4,7 +4,7 @@
     python scripts/benchmark_printing.py --frames bridge --seeds 3    seeds 0, 1 and 2 alone
     python scripts/benchmark_printing.py --results FILE               go on with a file of results, or only show it
 
-Every frame is printed with the default settings of `frametwin.printing.material.PrintSettings`, struts of 6 % of the
+Every frame is printed with the default settings of `PrintSettings`, struts of 6 % of the
 median strut length in radius, and a look of 8 cameras of 600x800 after every twentieth of the struts, 4 to 12 of them.
 The order is planned once for each frame. The twins see only pictures. Lost struts are laid again wherever there are
 twins, as is usual for simulations; the paper's way takes the print to stand still between two twins.
@@ -22,12 +22,12 @@ import numpy as np
 from benchmark import RADIUS_SHARE, frame_files
 
 from frametwin.formats import read_frame
-from frametwin.printing.order import OrderSettings, plan_sequence
-from frametwin.printing.plan_job import PlanOptions
-from frametwin.printing.sequence_file import write_sequence
-from frametwin.printing.simulate import SimulationOptions, simulate_print
-from frametwin.printing.simulated_pictures import Rig
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.job.plan_job import PlanOptions
+from frametwin.printing.records.sequence_file import write_sequence
+from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
+from frametwin.printing.simulation.simulate import SimulationOptions, simulate_print
+from frametwin.printing.simulation.simulated_pictures import Rig
 
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
 WAYS = {

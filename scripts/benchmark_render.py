@@ -34,10 +34,10 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
     views, photo_views
         How many views of the masks and passes, and of the photos, are rendered and counted.
     """
-    from frametwin.blender import engines
+    from frametwin.blender.rendering import engines
+    from frametwin.cameras.rigs import ring_rig
+    from frametwin.capture.scene import Scene
     from frametwin.formats import read_frame
-    from frametwin.rigs import ring_rig
-    from frametwin.scene import Scene
 
     path = path or (FEMUR if FEMUR.is_file() else TOWER)
     frame = read_frame(path)
@@ -67,7 +67,7 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
 
 def measure(scene):
     """Render into a folder that is thrown away; the report."""
-    from frametwin.blender.render import render_scene
+    from frametwin.blender.rendering.render import render_scene
 
     with tempfile.TemporaryDirectory() as folder:
         return render_scene(scene, folder)

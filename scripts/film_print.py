@@ -21,7 +21,7 @@ if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project t
     sys.path.insert(0, str(ROOT))
 
 from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
-from frametwin.printing.history import read_history  # noqa: E402
+from frametwin.printing.records.history import read_history  # noqa: E402
 from frametwin.progress import ProgressLines  # noqa: E402
 
 
@@ -56,8 +56,8 @@ def film(options: argparse.Namespace) -> None:
     """Read the jobs, stage and render them."""
     import bpy
 
-    from frametwin.blender.films import render_film, stage_jobs
-    from frametwin.blender.plan_objects import use_millimetres
+    from frametwin.blender.display.films import render_film, stage_jobs
+    from frametwin.blender.frames.plan_objects import use_millimetres
 
     size = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", options.size)
     if size is None:

@@ -25,9 +25,9 @@ if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project t
 from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
 from frametwin.files import staged_directory  # noqa: E402
 from frametwin.formats import frame_json, read_frame  # noqa: E402
-from frametwin.parametric import FRAMES, named_frame  # noqa: E402
+from frametwin.geometry.parametric import FRAMES, named_frame  # noqa: E402
+from frametwin.geometry.wireframe import Wireframe  # noqa: E402
 from frametwin.progress import ProgressLines  # noqa: E402
-from frametwin.wireframe import Wireframe  # noqa: E402
 from frametwin.worker.client import WorkerClient, find_python  # noqa: E402
 
 
@@ -69,7 +69,7 @@ def work(options: argparse.Namespace, stage: Path) -> None:
     """Do all of it into a folder that is renamed in the end."""
     import bpy
 
-    from frametwin.blender.plan_objects import use_millimetres
+    from frametwin.blender.frames.plan_objects import use_millimetres
 
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     use_millimetres(bpy.context.scene)
@@ -92,12 +92,12 @@ def make_capture(options: argparse.Namespace, plan: Wireframe, folder: Path, wor
     """Let a plan sag, put cameras around it and render them."""
     import bpy
 
-    from frametwin.blender.captures import capture_parameters
-    from frametwin.blender.plan_objects import add_plan
-    from frametwin.blender.prints import read_print, show_print_steps
-    from frametwin.blender.rigs import cameras_from_collection, rig_around
-    from frametwin.blender.stepwise import run_steps
-    from frametwin.rendering import render_capture
+    from frametwin.blender.background.stepwise import run_steps
+    from frametwin.blender.display.prints import read_print, show_print_steps
+    from frametwin.blender.frames.plan_objects import add_plan
+    from frametwin.blender.views.captures import capture_parameters
+    from frametwin.blender.views.rigs import cameras_from_collection, rig_around
+    from frametwin.service.render_tasks import render_capture
 
     size = tuple(int(side) for side in options.size.split("x")) if options.size.count("x") == 1 else ()
     if len(size) != 2:
@@ -121,12 +121,12 @@ def show(capture: Path, stage: Path, out: Path) -> None:
     """
     import bpy
 
-    from frametwin.blender.captures import show_pictures
-    from frametwin.blender.pictures import render_twin
-    from frametwin.blender.rigs import read_calibration, rig_to_blender
-    from frametwin.blender.stepwise import run_steps
-    from frametwin.blender.twins import TwinContent, show_twin_steps
-    from frametwin.capture import read_capture
+    from frametwin.blender.background.stepwise import run_steps
+    from frametwin.blender.display.pictures import render_twin
+    from frametwin.blender.display.twins import TwinContent, show_twin_steps
+    from frametwin.blender.views.captures import show_pictures
+    from frametwin.blender.views.rigs import read_calibration, rig_to_blender
+    from frametwin.capture.capture import read_capture
 
     known = read_capture(capture)
     rig = rig_to_blender(read_calibration(capture), target=known.frame)

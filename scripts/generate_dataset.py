@@ -153,8 +153,8 @@ def command_of_blender() -> list[str]:
 
 def make_samples(options: argparse.Namespace) -> int:
     """Make the samples named by ``--samples`` in this very Blender."""
-    from frametwin.blender.render import render_scene
-    from frametwin.scene import read_scene
+    from frametwin.blender.rendering.render import render_scene
+    from frametwin.capture.scene import read_scene
 
     end_with_parent()
     indices = [int(index) for index in options.samples.split(",")]
@@ -188,7 +188,7 @@ def shapes_of(worker: WorkerClient, index: int) -> dict:
     source = worker.call("dataset-source", {"index": index})
     if source["file"] is None:
         return {}
-    from frametwin.blender.plans import read_blend
+    from frametwin.blender.frames.plans import read_blend
     from frametwin.formats import frame_json
 
     plan, deformed = read_blend(Path(source["file"]), source["object"], source["timeline_frame"])

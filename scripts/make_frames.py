@@ -1,4 +1,4 @@
-"""Write the project's own frames, ``datasets/frames/*.json``, from ``frametwin.parametric``."""
+"""Write the project's own frames, ``datasets/frames/*.json``, from ``frametwin.geometry.parametric``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from frametwin.formats import write_frame
-from frametwin.parametric import FRAMES
+from frametwin.geometry.parametric import FRAMES
 
 FOLDER = Path(__file__).resolve().parent.parent / "datasets" / "frames"
 

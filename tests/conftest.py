@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from small_frames import tower
 
-from frametwin import bezier
 from frametwin.cameras import Camera
-from frametwin.capture import write_capture
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe
+from frametwin.cameras.rigs import ring_rig
+from frametwin.capture.capture import write_capture
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 _SESSION = pytest.StashKey[pytest.Session]()
 

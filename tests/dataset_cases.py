@@ -12,14 +12,14 @@ import cv2
 import numpy as np
 from click.testing import CliRunner, Result
 
-from frametwin.capture import read_capture
+from frametwin.capture.capture import read_capture
 from frametwin.cli.main import Commands
-from frametwin.curve_truth import curve_truth, write_curves
 from frametwin.dataset.folder import read_dataset, read_sample, sample_folder, write_dataset_json, write_sample_json
 from frametwin.dataset.true_curves import intervals_of
-from frametwin.parametric import named_frame
-from frametwin.simulate import SimulationSettings, simulate, write_simulation
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.simulation.curve_truth import curve_truth, write_curves
+from frametwin.simulation.simulate import SimulationSettings, simulate, write_simulation
 
 SETTINGS: tuple[dict[str, Any], ...] = ({"seed": 1, "missing": 2}, {"seed": 2, "deformation": "warp"})
 MADE_WITH = {"frametwin": "tests"}

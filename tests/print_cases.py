@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from frametwin.cameras import Camera
-from frametwin.capture import write_capture
-from frametwin.printing.job import Job
-from frametwin.printing.plan_job import PlanOptions, plan_job
+from frametwin.cameras.rigs import ring_rig
+from frametwin.capture.capture import write_capture
+from frametwin.geometry.wireframe import Wireframe, straight_control_points
+from frametwin.printing.job.job import Job
+from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.raster.silhouette import silhouettes
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe, straight_control_points
 
 SIZE = (300, 400)
 VIEWS = 5

@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frametwin.fields.base import DeformationField, Floats, checked_points
-from frametwin.fit.api import field_through
-from frametwin.print_order import print_order
-from frametwin.printing.adapt import adapt
-from frametwin.printing.anticipation import Anticipation, drift_rate
-from frametwin.printing.compensation import SagForecast, compensate
-from frametwin.printing.growth import GrowingPrint
-from frametwin.printing.observation import Observation
-from frametwin.printing.sequence import PrintSequence
-from frametwin.twin import Twin
-from frametwin.wireframe import Wireframe
+from frametwin.fitting.api import field_through
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.adapt import adapt
+from frametwin.printing.adaptation.anticipation import Anticipation, drift_rate
+from frametwin.printing.adaptation.compensation import SagForecast, compensate
+from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.simulation.growth import GrowingPrint
+from frametwin.simulation.print_order import print_order
+from frametwin.twin.twin import Twin
 
 
 class Formula(DeformationField):

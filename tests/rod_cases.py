@@ -9,12 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from frametwin import bezier
 from frametwin.cameras import Camera, look_at
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster import rod_reference, rods
 from frametwin.raster.pyramid import Level, Pyramid
 from frametwin.raster.rods import Rods
-from frametwin.wireframe import Wireframe
 
 SIZES = ((40, 56), (33, 21), (18, 70))  # views may differ
 FAR_JOINTS = np.full((2, 3), 1e12)

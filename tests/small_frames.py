@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 
 def tower(levels: int = 2, curved: bool = False) -> Wireframe:

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frametwin import bezier
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.modes import joint_masses, vibration_modes
-from frametwin.pynite_engine import solve_with_pynite
-from frametwin.stiffness import (
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.modes import joint_masses, vibration_modes
+from frametwin.mechanics.pynite_engine import solve_with_pynite
+from frametwin.mechanics.stiffness import (
     PLA,
     FrameBeams,
     Material,
@@ -21,7 +22,6 @@ from frametwin.stiffness import (
     require_grounded,
     stiffness_matrix,
 )
-from frametwin.wireframe import Wireframe
 
 LENGTH, RADIUS = 80.0, 1.3
 AREA, INERTIA = np.pi * RADIUS**2, np.pi * RADIUS**4 / 4.0

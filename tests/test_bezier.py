@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from frametwin import bezier
+from frametwin.geometry import bezier
 
 RNG_SEED = 20
 DEGREES = [1, 2, 3, 4, 7]

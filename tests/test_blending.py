@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from frametwin import bezier
-from frametwin.blending import blend
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.blending import blend
 
 PRINTED = np.array([True, True, True, False, False, False, False, False])
 BRIDGING, ENDING, STARTING, FAR = 3, 4, 5, (6, 7)

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from frametwin.cameras import Camera
-from frametwin.capture import read_capture, write_capture
+from frametwin.cameras.rigs import ring_rig
+from frametwin.capture.capture import read_capture, write_capture
+from frametwin.capture.image_files import encode_png, image_size, write_png
 from frametwin.errors import InputError
-from frametwin.image_files import encode_png, image_size, write_png
-from frametwin.images import read_masks
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.masks import read_masks
 
 
 def picture(camera: Camera, seed: int = 0, colour: bool = False) -> np.ndarray:
@@ -224,7 +224,7 @@ def test_size_from_the_header(tmp_path: Path, kind: str, progressive: int) -> No
 
 def test_reading_a_capture_imports_nothing_heavy(small_capture: Path) -> None:
     code = (
-        "import sys; from frametwin.capture import read_capture; import frametwin.twin; "
+        "import sys; from frametwin.capture.capture import read_capture; import frametwin.twin.twin; "
         f"read_capture({str(small_capture)!r}); "
         "heavy = {'cv2', 'scipy', 'torch', 'numba', 'trimesh'} & set(sys.modules); "
         "sys.exit(str(heavy) if heavy else 0)"

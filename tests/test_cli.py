@@ -18,7 +18,7 @@ from frametwin.cli import interrupts
 from frametwin.cli.display import Display
 from frametwin.cli.main import COMMANDS
 from frametwin.formats import read_frame
-from frametwin.parametric import named_frame
+from frametwin.geometry.parametric import named_frame
 from frametwin.progress import Progress
 
 ROOT = Path(__file__).resolve().parent.parent

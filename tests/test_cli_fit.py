@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from cli_tools import done, refused
 
-from frametwin import rendering
-from frametwin.capture import read_capture
+from frametwin.blender.rendering import client as rendering
+from frametwin.capture.capture import read_capture
 from frametwin.cli import fit as fit_module
 from frametwin.cli.demo import is_own_demo, takes_blender
 from frametwin.errors import InputError
-from frametwin.fit.api import PRESETS, settings_of
+from frametwin.fitting.api import PRESETS, settings_of
 from frametwin.formats import read_frame, write_frame
-from frametwin.images import read_masks
-from frametwin.parametric import named_frame
-from frametwin.twin import read_twin
+from frametwin.geometry.parametric import named_frame
+from frametwin.imaging.masks import read_masks
+from frametwin.twin.twin import read_twin
 
 SMALL = ("--size", "150x200", "--views", "6", "--seed", "1", "--missing", "2")
 

@@ -18,9 +18,9 @@ from small_frames import tower
 
 from frametwin.files import read_json
 from frametwin.formats import frame_json
-from frametwin.printing.answer import ACCEPTABLE
-from frametwin.printing.job import Job
-from frametwin.printing.robot_files import FORMATS
+from frametwin.printing.job.answer import ACCEPTABLE
+from frametwin.printing.job.job import Job
+from frametwin.printing.toolpath.robot_files import FORMATS
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMANDS = ("plan", "next", "watch", "status", "simulate")

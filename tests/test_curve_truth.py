@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frametwin import bezier
 from frametwin.cameras import Camera, look_at
-from frametwin.curve_truth import SAMPLES, CurveTruth, curve_truth, read_curves, write_curves
-from frametwin.deformations import smooth_warp
+from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.parametric import named_frame
+from frametwin.geometry import bezier
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.radii import radii_at
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.deformations import smooth_warp
 from frametwin.raster.silhouette import silhouettes
-from frametwin.rigs import ring_rig
-from frametwin.strut_mesh import radii_at
-from frametwin.wireframe import Wireframe
+from frametwin.simulation.curve_truth import SAMPLES, CurveTruth, curve_truth, read_curves, write_curves
 
 U = np.linspace(0.0, 1.0, SAMPLES)
 

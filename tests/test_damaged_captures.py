@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from damaged_views import KINDS
 
-from frametwin.capture import read_capture
+from frametwin.capture.capture import read_capture
 from frametwin.errors import InputError
-from frametwin.images import read_masks
+from frametwin.imaging.masks import read_masks
 
 
 def contents(folder: Path) -> dict[str, str]:

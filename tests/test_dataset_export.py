@@ -14,7 +14,7 @@ import trimesh
 from dataset_cases import edit_json, make_dataset, run_command
 
 from frametwin.cameras import Camera, from_nerfstudio, read_colmap_text, to_nerfstudio
-from frametwin.capture import Capture, read_capture
+from frametwin.capture.capture import Capture, read_capture
 from frametwin.cli import dataset_export
 from frametwin.cli.dataset_export import export_command
 from frametwin.dataset import export

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from dataset_cases import edit_image, make_dataset, run_command
 
-from frametwin.capture import read_capture
+from frametwin.capture.capture import read_capture
 from frametwin.cli.dataset_fit import fit_command
 from frametwin.dataset.fits import (
     COLUMNS,
@@ -28,9 +28,9 @@ from frametwin.dataset.fits import (
 )
 from frametwin.dataset.folder import read_dataset, sample_folder
 from frametwin.errors import Cancelled, InputError
-from frametwin.evaluate import evaluate
+from frametwin.evaluation.evaluate import evaluate
 from frametwin.formats import defects_json
-from frametwin.twin import read_twin
+from frametwin.twin.twin import read_twin
 
 SAMPLES = ({"seed": 1, "missing": 2}, {"seed": 2, "deformation": "warp"})
 

@@ -16,12 +16,12 @@ import psutil
 import pytest
 from cli_tools import done, refused
 
-from frametwin.capture import read_capture
+from frametwin.capture.capture import read_capture
 from frametwin.dataset.folder import read_dataset, read_sample
 from frametwin.dataset.generate import GenerateSettings, Report, generate
 from frametwin.dataset.run import DatasetRun
 from frametwin.errors import Cancelled, InputError
-from frametwin.images import read_masks
+from frametwin.imaging.masks import read_masks
 
 ROOT = Path(__file__).resolve().parent.parent
 COUNT = 6

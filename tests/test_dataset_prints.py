@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frametwin import bezier
 from frametwin.cameras import to_nerfstudio
+from frametwin.cameras.rigs import ring_rig
 from frametwin.dataset.prints import KNOTS, Print, cameras_of, deformed_print, make_print, real_thickness
 from frametwin.dataset.recipe import RecipeFile, parse_recipe
 from frametwin.dataset.specification import Sampler, Specification
 from frametwin.errors import InputError
 from frametwin.files import write_json
-from frametwin.parametric import named_frame
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
 
 
 def drawn(index: int = 0, frame: str = "bridge", **tables: Any) -> tuple[Sampler, Specification]:

@@ -14,14 +14,14 @@ import OpenEXR
 import pytest
 from dataset_cases import edit_image, edit_json, make_dataset, note_again, run_command, write_true_curves
 
-from frametwin import bezier
 from frametwin.cameras import to_nerfstudio
-from frametwin.capture import read_capture
+from frametwin.capture.capture import read_capture
 from frametwin.cli.dataset_checks import validate_command
 from frametwin.dataset.folder import read_sample, sample_folder, write_sample_json
 from frametwin.dataset.true_curves import read_true_curves
 from frametwin.dataset.validate import validate_dataset, validate_sample
 from frametwin.errors import Cancelled
+from frametwin.geometry import bezier
 from frametwin.raster.silhouette import silhouettes
 
 

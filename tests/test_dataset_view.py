@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 from dataset_cases import edit_image, make_dataset, note_again, run_command
 
-from frametwin.capture import read_capture
+from frametwin.capture.capture import read_capture
 from frametwin.cli.dataset_view import view_command
 from frametwin.dataset.fits import fit_dataset, read_table
 from frametwin.dataset.folder import sample_folder
 from frametwin.dataset.view import write_page
 from frametwin.errors import Cancelled, InputError
-from frametwin.parametric import named_frame
-from frametwin.twin import read_twin
+from frametwin.geometry.parametric import named_frame
+from frametwin.twin.twin import read_twin
 
 NASTY = "<b>&\"'</script><!--\u2028 ok"
 SAMPLES = ({"seed": 1, "missing": 2}, {"seed": 2, "deformation": "warp"}, {"seed": 3, "views": 3})

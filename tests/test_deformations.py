@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from frametwin import bezier
-from frametwin.defects import drop_struts
-from frametwin.deformations import rigid_motion, smooth_warp, tip_load
 from frametwin.errors import InputError
-from frametwin.hardening import Hardening
-from frametwin.sag import SagSettings
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.deformations import rigid_motion, smooth_warp, tip_load
+from frametwin.mechanics.hardening import Hardening
+from frametwin.mechanics.sag import SagSettings
+from frametwin.simulation.defects import drop_struts
 
 FINE = np.linspace(0.0, 1.0, 401)
 

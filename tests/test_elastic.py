@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from small_frames import tower
 
-from frametwin import bezier
-from frametwin.fit.elastic import ANCHOR, ElasticFrame
-from frametwin.wireframe import Wireframe
+from frametwin.fitting.elastic import ANCHOR, ElasticFrame
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 FRAMES = {"straight": tower(), "curved": tower(curved=True)}
 

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frametwin import bezier
-from frametwin.curve_distance import CurveSet, counts_by_length, points_at, ragged
 from frametwin.errors import InputError
-from frametwin.evaluate import Statistics, evaluate
+from frametwin.evaluation.curve_distance import CurveSet, counts_by_length, points_at, ragged
+from frametwin.evaluation.evaluate import Statistics, evaluate
 from frametwin.files import dump_json
-from frametwin.findings import Detection, longest_gap, missing_struts, uncertain_struts
 from frametwin.formats import read_frame
-from frametwin.parametric import named_frame
-from frametwin.twin import Twin
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.findings import Detection, longest_gap, missing_struts, uncertain_struts
+from frametwin.twin.twin import Twin
 
 
 def lines(*ends: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Wireframe:

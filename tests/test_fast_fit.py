@@ -9,16 +9,16 @@ import pytest
 
 from frametwin.cameras import Camera
 from frametwin.errors import Cancelled
-from frametwin.evaluate import Errors, evaluate
+from frametwin.evaluation.evaluate import Errors, evaluate
 from frametwin.fields.lattice import LatticeField
-from frametwin.findings import missing_struts
-from frametwin.fit.api import FitResult, fit_views
+from frametwin.fitting.api import FitResult, fit_views
 from frametwin.formats import read_frame
-from frametwin.parametric import named_frame
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress
 from frametwin.raster.silhouette import silhouettes
-from frametwin.simulate import Simulation, SimulationSettings, simulate
-from frametwin.wireframe import Wireframe
+from frametwin.simulation.simulate import Simulation, SimulationSettings, simulate
+from frametwin.twin.findings import missing_struts
 
 FULL, HALF = (1200, 1600), (600, 800)
 RADIUS_SHARE = 0.06
@@ -77,8 +77,8 @@ def test_other_deformations_than_gravity_are_found(name: str, deformation: str) 
 
 
 def test_a_pure_turn_and_a_pure_shift_are_found() -> None:
-    from frametwin.deformations import rigid_motion
-    from frametwin.rigs import ring_rig
+    from frametwin.cameras.rigs import ring_rig
+    from frametwin.mechanics.deformations import rigid_motion
 
     frame = thin(named_frame("bridge"))
     for turn, shift in (((0.0, 0.0, 8.0), (0.0, 0.0, 0.0)), ((0.0, 0.0, 0.0), (7.0, -5.0, 3.0))):

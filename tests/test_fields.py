@@ -7,16 +7,17 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from frametwin.fields import DeformationField, blending, enlarged_box
+from frametwin.fields import DeformationField, enlarged_box
+from frametwin.fields import node_weights as blending
 from frametwin.fields.free import FreeField
 from frametwin.fields.lattice import LatticeField, even_cells
 from frametwin.fields.lattice_fit import fit_lattice
 from frametwin.fields.lattice_torch import TrainableLattice
 from frametwin.fields.network import NetworkField, NetworkShape
 from frametwin.fields.nodes import NodesField, turn_matrices
+from frametwin.fields.sampling import CurveSampling
 from frametwin.fields.torch_field import TorchField
-from frametwin.fit.sampling import CurveSampling
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 Floats = NDArray[np.float64]
 

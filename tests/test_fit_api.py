@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from small_frames import tower
 
-from frametwin import bezier
-from frametwin.capture import Capture, read_capture
+from frametwin.cameras.rigs import ring_rig
+from frametwin.capture.capture import Capture, read_capture
 from frametwin.errors import InputError
 from frametwin.fields.lattice import LatticeField, even_cells
 from frametwin.fields.lattice_fit import MOST_COEFFICIENTS
-from frametwin.fit import api
-from frametwin.fit.api import FitResult, _filled, field_through, fit_views, read_field, settings_of, write_run
-from frametwin.fit.fast_settings import FastSettings
-from frametwin.fit.settings import FitSettings
+from frametwin.fitting import api
+from frametwin.fitting.api import FitResult, _filled, field_through, fit_views, read_field, settings_of, write_run
+from frametwin.fitting.fast_settings import FastSettings
+from frametwin.fitting.settings import FitSettings
 from frametwin.formats import read_frame
-from frametwin.rigs import ring_rig
-from frametwin.twin import Twin, read_twin
+from frametwin.geometry import bezier
+from frametwin.twin.twin import Twin, read_twin
 
 FRAMES = {"straight": tower(), "curved": tower(curved=True)}
 MATRIX = np.array([[0.01, -0.05, 0.02], [0.03, 0.02, -0.01], [0.0, 0.04, -0.03]])

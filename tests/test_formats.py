@@ -12,7 +12,7 @@ import pytest
 from frametwin.errors import InputError
 from frametwin.formats import read_frame, write_frame
 from frametwin.formats.rl3dp import read_pair
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 FIELDS = ("vertices", "edges", "control_points", "radius", "printed", "grounded", "batch")
 

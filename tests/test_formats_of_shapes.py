@@ -10,7 +10,7 @@ import trimesh
 
 from frametwin.errors import InputError
 from frametwin.formats import read_frame, write_frame
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 
 def write(path: Path, text: str) -> Path:

@@ -8,12 +8,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from frametwin import bezier
-from frametwin.kernels import KernelLayout, anchored_kernels
-from frametwin.projection import Views, low_pass, project_anchored
+from frametwin.cameras.rigs import ring_rig
+from frametwin.geometry import bezier
 from frametwin.raster import gaussian, reference
+from frametwin.raster.kernels import KernelLayout, anchored_kernels
+from frametwin.raster.projection import Views, low_pass, project_anchored
 from frametwin.raster.splat import splat, splat_flat
-from frametwin.rigs import ring_rig
 
 SIZES = [(40, 56), (33, 21), (18, 70)]  # views may differ
 

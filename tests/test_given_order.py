@@ -11,11 +11,11 @@ from small_frames import tower
 
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.printing.check import check_sequence
-from frametwin.printing.given_order import GivenOrder, order_of_frame, read_given_order
-from frametwin.printing.order import OrderSettings, plan_sequence
-from frametwin.printing.sequence_file import read_sequence, write_sequence
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.records.sequence_file import read_sequence, write_sequence
+from frametwin.printing.sequencing.check import check_sequence
+from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
+from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
 
 
 def chain() -> Wireframe:

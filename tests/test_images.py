@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from frametwin.cameras import Camera
-from frametwin.capture import Capture, read_capture, write_capture
+from frametwin.cameras.rigs import ring_rig
+from frametwin.capture.capture import Capture, read_capture, write_capture
 from frametwin.errors import Cancelled, InputError
-from frametwin.images import binarise_photo, read_masks, undistort
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.masks import binarise_photo, read_masks, undistort
 from frametwin.progress import Progress
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe
 
 Draw = Callable[[Wireframe, Camera], np.ndarray]
 

@@ -10,9 +10,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from frametwin import bezier
 from frametwin.cameras import Camera, look_at
-from frametwin.kernels import (
+from frametwin.geometry import bezier
+from frametwin.geometry.rotation_frames import rotation_minimising_frames
+from frametwin.raster.kernels import (
     KernelLayout,
     adaptive_counts,
     anchored_kernels,
@@ -21,14 +22,13 @@ from frametwin.kernels import (
     isotropic_covariance,
     kernel_frames,
 )
-from frametwin.projection import (
+from frametwin.raster.projection import (
     PIXEL_VARIANCE,
     Views,
     low_pass,
     project_anchored,
     project_covariances,
 )
-from frametwin.rotation_frames import rotation_minimising_frames
 
 
 def curves(count: int = 5, seed: int = 0) -> Tensor:

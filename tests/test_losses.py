@@ -7,9 +7,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from frametwin import bezier
 from frametwin.fields.network import NetworkField, NetworkShape
-from frametwin.losses import BendingLoss, image_loss
+from frametwin.fitting.losses import BendingLoss, image_loss
+from frametwin.geometry import bezier
 
 BOX = np.array([[-3.0, -3.0, 0.0], [3.0, 3.0, 10.0]])
 MAST = bezier.straight([[0.0, 0.0, 0.0]], [[0.0, 0.0, 10.0]])  # from the floor to the ceiling of the box

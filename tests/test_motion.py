@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from small_frames import tower
 
-from frametwin.beams import solve_clamped
+from frametwin.cameras.rigs import ring_rig
 from frametwin.fields.lattice import LatticeField, even_cells
-from frametwin.fit.elastic import ElasticFrame
-from frametwin.fit.fast_settings import CoarseStage
-from frametwin.fit.loads import load_answers, rigid_motions, smooth_warps
-from frametwin.fit.motion import GROUND, Pose, as_rods, free_step, joint_system, smooth_descent, start_pose
+from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.fast_settings import CoarseStage
+from frametwin.fitting.loads import load_answers, rigid_motions, smooth_warps
+from frametwin.fitting.motion import GROUND, Pose, as_rods, free_step, joint_system, smooth_descent, start_pose
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.beams import solve_clamped
+from frametwin.mechanics.stiffness import FrameBeams
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level, Pyramid
 from frametwin.raster.rods import Terms
 from frametwin.raster.silhouette import silhouettes
-from frametwin.rigs import ring_rig
-from frametwin.stiffness import FrameBeams
-from frametwin.wireframe import Wireframe
 
 FRAMES = {"straight": tower(), "curved": tower(curved=True)}
 

@@ -7,14 +7,14 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from frametwin import bezier
 from frametwin.cameras import Camera, look_at
-from frametwin.contact_sheet import contact_sheet, find_close_ups, put_text
-from frametwin.overlay import PAPER, PLAN, PRINT, TRUTH, TWIN, Layer, Window, draw_view, layers_of, window_of
-from frametwin.parametric import named_frame
+from frametwin.cameras.rigs import ring_rig
+from frametwin.geometry import bezier
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.contact_sheet import contact_sheet, find_close_ups, put_text
+from frametwin.imaging.overlay import PAPER, PLAN, PRINT, TRUTH, TWIN, Layer, Window, draw_view, layers_of, window_of
 from frametwin.raster.silhouette import silhouettes
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe
 
 BLACK = (0, 0, 0)
 

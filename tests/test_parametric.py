@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frametwin import bezier
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.parametric import FRAMES, arched_bridge, half_bowl, lattice_tower, named_frame
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.parametric import FRAMES, arched_bridge, half_bowl, lattice_tower, named_frame
+from frametwin.geometry.wireframe import Wireframe
 
 FOLDER = Path(__file__).resolve().parent.parent / "datasets" / "frames"
 COUNTS = {"bridge": 76, "half_bowl": 156, "lattice_tower": 804}

@@ -8,9 +8,9 @@ import zlib
 import numpy as np
 import pytest
 
+from frametwin.capture.image_files import encode_png
+from frametwin.capture.png import SIGNATURE, decode_png, strip_png
 from frametwin.errors import InputError
-from frametwin.image_files import encode_png
-from frametwin.png import SIGNATURE, decode_png, strip_png
 
 COLOURS = {1: 0, 3: 2, 4: 6}
 

@@ -10,10 +10,11 @@ from rod_cases import camera_at, level_of, of_frame
 from small_frames import tower
 
 from frametwin.cameras import Camera
-from frametwin.fit.confidence import confidence, standard_deviation
-from frametwin.fit.elastic import ElasticFrame
-from frametwin.fit.motion import as_rods, start_pose
-from frametwin.fit.presence import (
+from frametwin.cameras.rigs import ring_rig
+from frametwin.fitting.confidence import confidence, standard_deviation
+from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.motion import as_rods, start_pose
+from frametwin.fitting.presence import (
     THICKEST,
     THINNEST,
     learn_thickness,
@@ -22,11 +23,10 @@ from frametwin.fit.presence import (
     strut_whiteness,
     without_gaps,
 )
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.pyramid import Level, Pyramid
 from frametwin.raster.rods import gauss_newton
 from frametwin.raster.silhouette import silhouettes
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe
 
 FRAME = tower()
 CAMERAS = ring_rig(FRAME, 6, size=(240, 320))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from print_physics import Formula, twin_at
 
-from frametwin import bezier
 from frametwin.errors import InputError
-from frametwin.finite_rotation import rotation_matrices
-from frametwin.printing.adapt import AdaptSettings, adapt, lost_struts
-from frametwin.printing.plate import feet_on_plate
-from frametwin.twin import Twin
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.finite_rotation import rotation_matrices
+from frametwin.printing.adaptation.adapt import AdaptSettings, adapt, lost_struts
+from frametwin.printing.adaptation.plate import feet_on_plate
+from frametwin.twin.twin import Twin
 
 U = np.linspace(0.0, 1.0, 13)
 LEFT, RIGHT, BRIDGING, ENDING, FAR = 0, 1, 2, 3, 4

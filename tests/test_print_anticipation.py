@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from print_physics import lowest_first, print_with_right_twins
 
-from frametwin.parametric import named_frame
-from frametwin.printing.anticipation import Anticipation, drift_rate
-from frametwin.printing.growth import GrowingPrint
-from frametwin.printing.material import PrintSettings
-from frametwin.printing.observation import Observation
-from frametwin.printing.sequence import PrintSequence
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.anticipation import Anticipation, drift_rate
+from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.process.material import PrintSettings
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.simulation.growth import GrowingPrint
 
 STRUTS = 8
 BATCHES = 10

@@ -7,12 +7,12 @@ import pytest
 from print_physics import lowest_first, print_with_right_twins, twin_at
 
 from frametwin.errors import InputError
-from frametwin.parametric import named_frame
-from frametwin.printing.calibration import linear_drift
-from frametwin.printing.compensation import BELIEFS, PULLS, SagForecast, compensate
-from frametwin.printing.growth import GrowingPrint
-from frametwin.printing.observation import Observation
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.compensation import BELIEFS, PULLS, SagForecast, compensate
+from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.process.calibration import linear_drift
+from frametwin.printing.simulation.growth import GrowingPrint
 
 BATCHES = 12
 BELIEF = 3

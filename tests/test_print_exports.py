@@ -15,15 +15,15 @@ from small_frames import tower
 
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.printing.exports import SUFFIXES, read_waypoints, write_waypoints
-from frametwin.printing.exports.assembly import write_assembly
-from frametwin.printing.exports.compas import read_compas_frames
-from frametwin.printing.exports.gcode import FILAMENT, read_gcode
-from frametwin.printing.exports.urscript import read_urscript
-from frametwin.printing.job import Job
-from frametwin.printing.order import OrderSettings, plan_sequence
-from frametwin.printing.plan_job import PlanOptions, plan_job
-from frametwin.printing.reach import (
+from frametwin.printing.job.job import Job
+from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
+from frametwin.printing.toolpath.exports import SUFFIXES, read_waypoints, write_waypoints
+from frametwin.printing.toolpath.exports.assembly import write_assembly
+from frametwin.printing.toolpath.exports.compas import read_compas_frames
+from frametwin.printing.toolpath.exports.gcode import FILAMENT, read_gcode
+from frametwin.printing.toolpath.exports.urscript import read_urscript
+from frametwin.printing.toolpath.reach import (
     A2,
     A3,
     D1,
@@ -36,8 +36,8 @@ from frametwin.printing.reach import (
     unreachable_by_compas_fab,
     within_reach,
 )
-from frametwin.printing.waypoints import APPROACH, PRINT, Waypoints, waypoints_of
-from frametwin.printing.workspace import Workspace
+from frametwin.printing.toolpath.waypoints import APPROACH, PRINT, Waypoints, waypoints_of
+from frametwin.printing.toolpath.workspace import Workspace
 
 METRE = 1e-6 * 1000.0  # mm
 

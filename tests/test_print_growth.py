@@ -9,16 +9,16 @@ import pytest
 from print_physics import lowest_first, print_with_right_twins
 from small_frames import tower
 
+from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import InputError
-from frametwin.finite_rotation import rotation_matrices
-from frametwin.parametric import named_frame
-from frametwin.printing.growth import GrowingPrint
-from frametwin.printing.material import Chance, PrintSettings
-from frametwin.printing.outcome import mean_deviation
-from frametwin.printing.sequence import PrintSequence
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.finite_rotation import rotation_matrices
+from frametwin.printing.process.material import Chance, PrintSettings
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.simulation.growth import GrowingPrint
+from frametwin.printing.simulation.outcome import mean_deviation
 from frametwin.raster.silhouette import silhouettes
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe
 
 CERTAIN = PrintSettings(uneven=0.0, lean=0.0, residual=0.0, placement=0.0)
 WEIGHTLESS = dataclasses.replace(CERTAIN, sag=0.0)

@@ -17,18 +17,18 @@ from print_cases import LEAN, LeaningPrint, cameras_of, fingerprint, print_batch
 from small_frames import tower
 
 from frametwin.errors import InputError
-from frametwin.evaluate import evaluate
+from frametwin.evaluation.evaluate import evaluate
 from frametwin.files import read_json
 from frametwin.formats import frame_json
-from frametwin.parametric import named_frame
-from frametwin.printing import answer as answer_module
-from frametwin.printing import job as job_module
-from frametwin.printing.answer import AnswerOptions
-from frametwin.printing.exports import read_waypoints
-from frametwin.printing.guards import Held
-from frametwin.printing.job import Busy, Job
-from frametwin.printing.waypoints import PRINT
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.job import answer as answer_module
+from frametwin.printing.job import job as job_module
+from frametwin.printing.job.answer import AnswerOptions
+from frametwin.printing.job.guards import Held
+from frametwin.printing.job.job import Busy, Job
+from frametwin.printing.toolpath.exports import read_waypoints
+from frametwin.printing.toolpath.waypoints import PRINT
 from frametwin.worker.client import WorkerClient
 
 
@@ -224,7 +224,7 @@ def test_damaged_pictures_are_refused(
     elif damage == "missing":
         picture.unlink()
     else:
-        from frametwin.image_files import write_png
+        from frametwin.capture.image_files import write_png
 
         write_png(picture, np.zeros((300, 400), dtype=np.uint8))
     assert str(capture) in second(capture)
@@ -386,7 +386,7 @@ def test_a_killed_answer_goes_on(
 def test_a_process_that_is_killed_leaves_a_job_that_goes_on(job: Job, real: LeaningPrint, tmp_path: Path) -> None:
     capture = real.take(tmp_path / "000", print_batch(job, real))
     code = (
-        "import sys, time\nfrom frametwin.printing.job import Job\n"
+        "import sys, time\nfrom frametwin.printing.job.job import Job\n"
         "def tell(p):\n    print(p.stage, flush=True)\n    time.sleep(0.05)\n"
         "Job(sys.argv[1]).answer(sys.argv[2], progress=tell)\n"
     )

@@ -12,27 +12,28 @@ import pytest
 from print_cases import LeaningPrint, cameras_of, print_batch, small_job
 from small_frames import tower
 
+from frametwin.blender.rendering.client import blender_renderer
+from frametwin.capture.image_files import image_size
 from frametwin.errors import Cancelled, InputError
-from frametwin.evaluate import evaluate
+from frametwin.evaluation.evaluate import evaluate
 from frametwin.files import read_json
 from frametwin.formats import frame_json
-from frametwin.image_files import image_size
-from frametwin.parametric import named_frame
-from frametwin.printing import guards
-from frametwin.printing.batch_fit import fit_batch
-from frametwin.printing.evidence import Evidence, Pictures
-from frametwin.printing.guards import Expectation, GuardLimits
-from frametwin.printing.job import Job
-from frametwin.printing.plan_job import PlanOptions, cut_batches, plan_order
-from frametwin.printing.requeue import laid_again
-from frametwin.printing.sequence import PrintSequence
-from frametwin.printing.simulate import SimulationOptions, draw_print, simulate_print
-from frametwin.printing.simulated_pictures import Rig
-from frametwin.printing.watch import Watch
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.batch_fit import fit_batch
+from frametwin.printing.adaptation.evidence import Evidence, Pictures
+from frametwin.printing.job import guards
+from frametwin.printing.job.guards import Expectation, GuardLimits
+from frametwin.printing.job.job import Job
+from frametwin.printing.job.plan_job import PlanOptions, cut_batches, plan_order
+from frametwin.printing.job.requeue import laid_again
+from frametwin.printing.job.watch import Watch
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.simulation.simulate import SimulationOptions, draw_print, simulate_print
+from frametwin.printing.simulation.simulated_pictures import Rig
 from frametwin.progress import Progress
 from frametwin.raster.silhouette import silhouettes
-from frametwin.twin import Twin, read_twin
-from frametwin.wireframe import Wireframe
+from frametwin.twin.twin import Twin, read_twin
 
 # --- warm fits
 
@@ -400,8 +401,8 @@ def test_twins_can_be_had_without_adaptation(tmp_path: Path) -> None:
 
 
 def test_blender_is_needed_for_its_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frametwin.printing.simulated_pictures.blender_is_here", lambda: False)
+    monkeypatch.setattr("frametwin.blender.rendering.client.find_spec", lambda name: None)
     wanted = dataclasses.replace(options(), rig=Rig(render="mask"))
     with pytest.raises(InputError, match="bpy"):
-        simulate_print(tmp_path / "job", tower(), wanted)
+        simulate_print(tmp_path / "job", tower(), wanted, renderer=blender_renderer())
     assert not (tmp_path / "job").exists()

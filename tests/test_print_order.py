@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from small_frames import tower
 
-from frametwin import bezier
 from frametwin.errors import Cancelled, InputError
 from frametwin.formats import read_frame
-from frametwin.printing.batches import split_batches
-from frametwin.printing.check import check_sequence
-from frametwin.printing.clearance import Rods, collision_bits, hit_struts, joined_struts
-from frametwin.printing.directions import tool_directions
-from frametwin.printing.nozzle import Nozzle
-from frametwin.printing.order import OrderSettings, closing_struts, plan_sequence
-from frametwin.printing.removal import bridges
-from frametwin.printing.sequence import PrintSequence
-from frametwin.printing.stability import batch_sag, flexibility, looseness
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.batches import split_batches
+from frametwin.printing.sequencing.check import check_sequence
+from frametwin.printing.sequencing.clearance import Rods, collision_bits, hit_struts, joined_struts
+from frametwin.printing.sequencing.directions import tool_directions
+from frametwin.printing.sequencing.nozzle import Nozzle
+from frametwin.printing.sequencing.order import OrderSettings, closing_struts, plan_sequence
+from frametwin.printing.sequencing.removal import bridges
+from frametwin.printing.sequencing.stability import batch_sag, flexibility, looseness
 from frametwin.progress import Progress
-from frametwin.wireframe import Wireframe
 
 FRAMES = Path(__file__).resolve().parents[1] / "datasets" / "frames"
 CONE = Nozzle(tip_radius=1.0, cone_length=10.0, cone_radius=11.0, body_radius=15.0, body_length=100.0, bead=2.0)

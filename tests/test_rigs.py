@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from frametwin.cameras.rigs import dome_rig, ring_rig
 from frametwin.errors import InputError
-from frametwin.rigs import dome_rig, ring_rig
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 BOXES = {
     "cube": [[-50.0, -50.0, 0.0], [50.0, 50.0, 100.0]],

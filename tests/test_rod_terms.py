@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rod_cases import FAR_JOINTS, camera_at, level_of, lone_rod, random_scene, shifted, views
 
-from frametwin import bezier
+from frametwin.geometry import bezier
 from frametwin.raster import rods
 from frametwin.raster.pyramid import PIXEL_VARIANCE, Level, Pyramid
 from frametwin.raster.rods import Rods, gauss_newton

@@ -22,13 +22,13 @@ from rod_cases import (
 )
 from torch import Tensor
 
-from frametwin import bezier
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster import rod_kernels, rod_reference, rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rod_splat import splat_rods
 from frametwin.raster.rods import Rods
 from frametwin.raster.silhouette import silhouettes
-from frametwin.wireframe import Wireframe
 
 
 def pictures(drawn: Rods, level: Level) -> list[np.ndarray]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from frametwin import bezier
-from frametwin.rotation_frames import rotation_minimising_frames, tangents
+from frametwin.geometry import bezier
+from frametwin.geometry.rotation_frames import rotation_minimising_frames, tangents
 
 TWISTED = np.array([[0.0, 0.0, 0.0], [12.0, 9.0, 2.0], [20.0, -8.0, 14.0], [35.0, 5.0, 30.0]])
 U = (np.arange(20) + 0.5) / 20

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frametwin import bezier
 from frametwin.errors import Cancelled, InputError
-from frametwin.finite_rotation import RotatedShape, rotation_matrices
 from frametwin.formats import read_frame
-from frametwin.hardening import Hardening, strut_stiffness
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.finite_rotation import RotatedShape, rotation_matrices
+from frametwin.mechanics.hardening import Hardening, strut_stiffness
+from frametwin.mechanics.sag import SagSettings, sag, scaled_shape, simulate_sag, solve
+from frametwin.mechanics.stiffness import PLA, FrameBeams
 from frametwin.progress import Progress
-from frametwin.sag import SagSettings, sag, scaled_shape, simulate_sag, solve
-from frametwin.stiffness import PLA, FrameBeams
-from frametwin.wireframe import Wireframe
 
 FINE = np.linspace(0.0, 1.0, 1001)
 HARD = Hardening(unhardened_fraction=0.0)

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from frametwin.cameras.rigs import ring_rig
+from frametwin.capture.scene import PhotoLook, Scene, read_scene, write_scene
 from frametwin.errors import InputError
-from frametwin.rigs import ring_rig
-from frametwin.scene import PhotoLook, Scene, read_scene, write_scene
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 
 def example(frame: Wireframe) -> Scene:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from rod_cases import camera_at
 
-from frametwin import bezier
 from frametwin.cameras import Camera
 from frametwin.errors import Cancelled, InputError
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress
 from frametwin.raster.silhouette import silhouettes
-from frametwin.wireframe import Wireframe
 
 
 def strut(start: list[float], end: list[float], radius: float, **more: object) -> Wireframe:

@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frametwin import bezier
-from frametwin.capture import read_capture
+from frametwin.capture.capture import read_capture
 from frametwin.errors import Cancelled, InputError
 from frametwin.files import read_json
 from frametwin.formats import defects_json, read_frame
-from frametwin.images import read_masks
-from frametwin.parametric import FRAMES, named_frame
-from frametwin.print_order import print_order, print_share
-from frametwin.simulate import (
+from frametwin.geometry import bezier
+from frametwin.geometry.parametric import FRAMES, named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.masks import read_masks
+from frametwin.simulation.print_order import print_order, print_share
+from frametwin.simulation.simulate import (
     DEFORMATIONS,
     RIGS,
     SimulationSettings,
@@ -27,7 +28,6 @@ from frametwin.simulate import (
     simulate,
     write_simulation,
 )
-from frametwin.wireframe import Wireframe
 
 SMALL = SimulationSettings(views=3, size=(96, 128))
 
@@ -177,7 +177,7 @@ def test_missing_struts_are_missing_in_the_pictures(bridge: Wireframe) -> None:
 
 
 def test_missing_struts_are_not_the_soft_ones(bridge: Wireframe) -> None:
-    from frametwin.sag import SagSettings, simulate_sag
+    from frametwin.mechanics.sag import SagSettings, simulate_sag
 
     soft = simulate_sag(bridge, SagSettings(seed=0)).unhardened
     lost = (simulate(bridge, small(missing=19)).present != [0.0, 1.0]).any(axis=1)

@@ -11,17 +11,17 @@ import pytest
 import torch
 from scipy.spatial import cKDTree
 
-from frametwin import bezier
 from frametwin.cameras import Camera
+from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import Cancelled, InputError
 from frametwin.fields.network import NetworkField
-from frametwin.fit.sampling import CurveSampling
-from frametwin.fit.settings import FIELD_KINDS, PRESETS, FitSettings, preset
-from frametwin.fit.splat_fit import SplatFit, fit_splats
+from frametwin.fields.sampling import CurveSampling
+from frametwin.fitting.settings import FIELD_KINDS, PRESETS, FitSettings, preset
+from frametwin.fitting.splat_fit import SplatFit, fit_splats
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress
 from frametwin.raster.silhouette import silhouettes
-from frametwin.rigs import ring_rig
-from frametwin.wireframe import Wireframe
 
 QUICK = {"iterations": 4, "samples": 4, "kernels_per_strut": 4, "bending_samples": 64}
 SIZE = (72, 96)

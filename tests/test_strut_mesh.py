@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frametwin import bezier
 from frametwin.cameras import Camera, look_at
-from frametwin.formats import read_frame
-from frametwin.strut_mesh import (
+from frametwin.capture.strut_mesh import (
     CHORD_ERROR,
     OUTLINE_ERROR,
     Resolution,
@@ -22,7 +20,9 @@ from frametwin.strut_mesh import (
     strut_mesh,
     sub_curves,
 )
-from frametwin.wireframe import Wireframe
+from frametwin.formats import read_frame
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 FINE = Resolution(sides=32, chord=1e-3)
 CURVE = [[-10.0, -3.0, -2.0], [-6.0, 0.0, 9.0], [2.0, 3.0, -9.0], [6.0, 5.0, 3.0]]

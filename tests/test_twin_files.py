@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from frametwin.errors import InputError
-from frametwin.twin import Twin, read_twin, write_twin
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.twin import Twin, read_twin, write_twin
 
 ARRAYS = ("control_points", "vertices", "thickness", "opacity", "completeness", "confidence")
 

@@ -10,16 +10,16 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 from small_frames import tower
 
-from frametwin import bezier
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.printing.moves import tool_rotations
-from frametwin.printing.nozzle import Nozzle
-from frametwin.printing.order import OrderSettings, plan_sequence
-from frametwin.printing.sequence import PrintSequence
-from frametwin.printing.waypoints import APPROACH, PRINT, RETREAT, Waypoints, WaypointSettings, waypoints_of
-from frametwin.printing.workspace import Workspace
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.nozzle import Nozzle
+from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
+from frametwin.printing.toolpath.moves import tool_rotations
+from frametwin.printing.toolpath.waypoints import APPROACH, PRINT, RETREAT, Waypoints, WaypointSettings, waypoints_of
+from frametwin.printing.toolpath.workspace import Workspace
 
 BOWL = Path(__file__).resolve().parents[1] / "datasets" / "frames" / "half_bowl.json"
 

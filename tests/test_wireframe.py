@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from frametwin.errors import InputError
-from frametwin.wireframe import Wireframe, straight_control_points
+from frametwin.geometry.wireframe import Wireframe, straight_control_points
 
 TRIANGLE = ([[0.0, 0.0, 0.0], [30.0, 0.0, 0.0], [0.0, 40.0, 0.0]], [[0, 1], [1, 2], [2, 0]])
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
+from frametwin.checked_json import convert, convert_fields
 from frametwin.errors import InputError
-from frametwin.fit.fast_settings import FastSettings
-from frametwin.simulate import SimulationSettings
-from frametwin.worker import jobs
-from frametwin.worker.jobs import JOBS, checked_arguments, run_job
-from frametwin.worker.kinds import convert, convert_fields
+from frametwin.fitting.fast_settings import FastSettings
+from frametwin.simulation.simulate import SimulationSettings
+from frametwin.worker import job_table as jobs
+from frametwin.worker.job_table import JOBS, checked_arguments, run_job
 
 
 def test_every_job_of_the_table_is_there_with_usable_parameters() -> None:

@@ -6,12 +6,12 @@ from typing import ClassVar
 
 import bpy
 
-from frametwin.blender.adapted import find_adapted, show_adapted_steps
-from frametwin.blender.curves import wireframe_from_curve
-from frametwin.blender.exports import export_curve
-from frametwin.blender.keeping import keep
-from frametwin.blender.runner import Job
-from frametwin.blender.twins import find_twin
+from frametwin.blender.background.keeping import keep
+from frametwin.blender.background.runner import Job
+from frametwin.blender.display.adapted import find_adapted, show_adapted_steps
+from frametwin.blender.display.exports import export_curve
+from frametwin.blender.display.twins import find_twin
+from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.errors import InputError
 
 from . import session

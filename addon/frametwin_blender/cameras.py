@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import bpy
 
-from frametwin.blender.captures import hide_pictures, next_camera, show_pictures
-from frametwin.blender.prints import read_print
-from frametwin.blender.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
+from frametwin.blender.display.prints import read_print
+from frametwin.blender.views.captures import hide_pictures, next_camera, show_pictures
+from frametwin.blender.views.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 from .folders import given_folder
 from .steps import FileStep, Panel, Step, needs, plan_of, print_of, rig_of, settings_of, write_text

@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import bpy
 
-from frametwin.blender.evaluation import label
-from frametwin.blender.keeping import keep
-from frametwin.blender.plan_objects import make_active
-from frametwin.blender.plans import plan_from_object
-from frametwin.blender.prints import copy_to_bend, partly_printed, show_print_steps
-from frametwin.blender.runner import Job
+from frametwin.blender.background.keeping import keep
+from frametwin.blender.background.runner import Job
+from frametwin.blender.display.prints import copy_to_bend, partly_printed, show_print_steps
+from frametwin.blender.frames.plan_objects import make_active
+from frametwin.blender.frames.plans import plan_from_object
+from frametwin.blender.scene.placement import label
 from frametwin.formats import frame_json
 
 from . import session

@@ -6,14 +6,14 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from frametwin.blender.keeping import keep
-from frametwin.blender.plan_objects import PlanSummary, add_plan, make_active, points_of, user_is_editing
-from frametwin.blender.preview import remove_preview, show_preview
-from frametwin.blender.rigs import read_calibration, replace_rig
-from frametwin.blender.runner import Job
-from frametwin.blender.stepwise import run_steps
-from frametwin.blender.twins import RUN_KEY, TwinContent, TwinObjects, show_twin_steps
-from frametwin.capture import read_capture
+from frametwin.blender.background.keeping import keep
+from frametwin.blender.background.runner import Job
+from frametwin.blender.background.stepwise import run_steps
+from frametwin.blender.display.preview import remove_preview, show_preview
+from frametwin.blender.display.twins import RUN_KEY, TwinContent, TwinObjects, show_twin_steps
+from frametwin.blender.frames.plan_objects import PlanSummary, add_plan, make_active, points_of, user_is_editing
+from frametwin.blender.views.rigs import read_calibration, replace_rig
+from frametwin.capture.capture import read_capture
 from frametwin.errors import InputError
 
 from . import session

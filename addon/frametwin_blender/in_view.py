@@ -5,17 +5,17 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from frametwin.blender.adapted import ROLE as ADAPTED_ROLE
-from frametwin.blender.curves import wireframe_from_curve
-from frametwin.blender.plan_objects import is_added_plan
-from frametwin.blender.plans import READABLE
-from frametwin.blender.preview import KEY as PREVIEW
-from frametwin.blender.print_jobs import ROLE_KEY as JOB_ROLE
-from frametwin.blender.prints import is_made_print
-from frametwin.blender.twins import ROLE_KEY as TWIN_ROLE
-from frametwin.blender.twins import find_twin
+from frametwin.blender.display.adapted import ROLE as ADAPTED_ROLE
+from frametwin.blender.display.preview import KEY as PREVIEW
+from frametwin.blender.display.print_jobs import ROLE_KEY as JOB_ROLE
+from frametwin.blender.display.prints import is_made_print
+from frametwin.blender.display.twins import ROLE_KEY as TWIN_ROLE
+from frametwin.blender.display.twins import find_twin
+from frametwin.blender.frames.curves import wireframe_from_curve
+from frametwin.blender.frames.plan_objects import is_added_plan
+from frametwin.blender.frames.plans import READABLE
 from frametwin.errors import InputError
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 from .recolour import recolour_afresh
 from .steps import plan_of, print_of, twin_of

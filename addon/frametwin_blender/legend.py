@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from frametwin.blender.colours import MISSING, UNKNOWN, Legend, colour_map
-from frametwin.blender.framing import Room
-from frametwin.blender.print_jobs import jobs_in
-from frametwin.blender.twin_records import load_legend
+from frametwin.blender.display.colours import MISSING, UNKNOWN, Legend, colour_map
+from frametwin.blender.display.print_jobs import jobs_in
+from frametwin.blender.display.twin_records import load_legend
+from frametwin.blender.views.framing import Room
 
 from .steps import twin_of
 

@@ -7,13 +7,20 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from frametwin.blender.plan_objects import PlanSummary, add_plan, plan_summary, points_of, show_struts, use_millimetres
-from frametwin.blender.plans import READABLE
-from frametwin.blender.units import mm_per_unit
+from frametwin.blender.frames.plan_objects import (
+    PlanSummary,
+    add_plan,
+    plan_summary,
+    points_of,
+    show_struts,
+    use_millimetres,
+)
+from frametwin.blender.frames.plans import READABLE
+from frametwin.blender.scene.units import mm_per_unit
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.parametric import named_frame
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
 
 from .in_view import make_way
 from .steps import FileStep, Panel, Step, draw_chosen, needs, plan_of, settings_of, write_text

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import bpy
 
 from frametwin import __version__
-from frametwin.blender.runner import Job, Steps
+from frametwin.blender.background.runner import Job, Steps
 from frametwin.errors import InputError
 from frametwin.worker.client import WorkerClient, find_python
 from frametwin.worker.installation import Installation, Installer, installed_python
@@ -165,7 +165,7 @@ def worker_job(
     Parameters
     ----------
     title, request, parameters, finish
-        See `frametwin.blender.runner.Job`.
+        See `frametwin.blender.background.runner.Job`.
     out
         The folder that it makes, of which nothing is left if it is cancelled; one of its parameters.
     more

@@ -5,13 +5,13 @@ from typing import ClassVar
 
 import bpy
 
-from frametwin.blender.keeping import keep
-from frametwin.blender.plans import plan_from_object
-from frametwin.blender.print_jobs import WORDS_KEY, batch_shown, jobs_in, remove_job, show_job_steps
-from frametwin.blender.runner import Job
+from frametwin.blender.background.keeping import keep
+from frametwin.blender.background.runner import Job
+from frametwin.blender.display.print_jobs import WORDS_KEY, batch_shown, jobs_in, remove_job, show_job_steps
+from frametwin.blender.frames.plans import plan_from_object
 from frametwin.errors import InputError
 from frametwin.formats import frame_json
-from frametwin.printing.history import read_history
+from frametwin.printing.records.history import read_history
 
 from . import session
 from .folders import fresh_folder, given_folder, work_folder

@@ -15,8 +15,8 @@ from bpy.props import (
     StringProperty,
 )
 
-from frametwin.blender.twins import is_twin
-from frametwin.parametric import FRAMES
+from frametwin.blender.display.twins import is_twin
+from frametwin.geometry.parametric import FRAMES
 
 from .in_view import can_be_chosen, plan_chosen, twin_chosen
 from .recolour import recolour_active, recolour_afresh, restyle_active

@@ -6,9 +6,9 @@ from collections.abc import Container
 
 import bpy
 
-from frametwin.blender.captures import restyle_pictures
-from frametwin.blender.twin_records import load_legend
-from frametwin.blender.twins import Colours, is_twin, recolour_twin
+from frametwin.blender.display.twin_records import load_legend
+from frametwin.blender.display.twins import Colours, is_twin, recolour_twin
+from frametwin.blender.views.captures import restyle_pictures
 from frametwin.errors import FrameTwinError
 
 from . import session

@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import bpy
 
-from frametwin.blender.captures import capture_parameters
-from frametwin.blender.child import blender_worker
-from frametwin.blender.keeping import keep
-from frametwin.blender.prints import read_print
-from frametwin.blender.runner import Job
+from frametwin.blender.background.child import blender_worker
+from frametwin.blender.background.keeping import keep
+from frametwin.blender.background.runner import Job
+from frametwin.blender.display.prints import read_print
+from frametwin.blender.views.captures import capture_parameters
 
 from . import session
 from .cameras import cameras_of

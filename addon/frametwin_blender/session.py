@@ -7,9 +7,11 @@ from typing import ClassVar
 
 import bpy
 
-from frametwin.blender.preview import remove_preview
-from frametwin.blender.runner import Job, Runner, Status
+from frametwin.blender.background.runner import Job, Runner, Status
+from frametwin.blender.display.preview import remove_preview
 from frametwin.worker.installation import Installer
+
+from .text import wrapped
 
 INTERVAL = 0.05
 """Seconds between two looks at what a worker says."""
@@ -39,7 +41,6 @@ def tell(words: str, error: bool = False) -> None:
     global last_words
     last_words = words
     if error and not bpy.app.background and bpy.context.window_manager.windows:
-        from .steps import wrapped
 
         def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
             for line in wrapped(words, 80):

@@ -7,6 +7,7 @@ import bpy
 from frametwin.errors import FrameTwinError
 
 from . import session
+from .text import wrapped
 
 CHARACTER = 6.6
 """Width of a character of a label in pixels, at a resolution scale of 1; labels that are wrapped by it fit."""
@@ -113,23 +114,6 @@ def write_text(layout: bpy.types.UILayout, text: str, context: bpy.types.Context
     column.scale_y = 0.75
     for i, line in enumerate(wrapped(text, max(12, int(width / CHARACTER)))):
         column.label(text=line, icon=icon if i == 0 else "BLANK1" if icon != "NONE" else "NONE")
-
-
-def wrapped(text: str, width: int) -> list[str]:
-    """Lines of at most ``width`` characters; long words such as paths are cut behind a slash, or anywhere."""
-    lines = [""]
-    for word in text.split():
-        while len(word) > width:
-            at = max(word.rfind("/", 1, width), word.rfind("\\", 1, width)) + 1 or width
-            if lines[-1]:
-                lines.append("")
-            lines[-1] = word[:at]
-            lines.append("")
-            word = word[at:]
-        if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
-            lines.append("")
-        lines[-1] = f"{lines[-1]} {word}".strip()
-    return [line for line in lines if line]
 
 
 def draw_chosen(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str) -> bpy.types.UILayout:

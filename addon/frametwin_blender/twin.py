@@ -7,11 +7,11 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from frametwin.blender.exports import export_twin
-from frametwin.blender.plan_objects import make_active, points_of, show_struts
-from frametwin.blender.statistics import StrutValues, statistics_of, worst_struts
-from frametwin.blender.twin_records import load_values
-from frametwin.blender.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
+from frametwin.blender.display.exports import export_twin
+from frametwin.blender.display.statistics import StrutValues, statistics_of, worst_struts
+from frametwin.blender.display.twin_records import load_values
+from frametwin.blender.display.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
+from frametwin.blender.frames.plan_objects import make_active, points_of, show_struts
 from frametwin.errors import InputError
 
 from .steps import (

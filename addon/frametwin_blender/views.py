@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
-from frametwin.blender.framing import MARGIN, Room, camera_view, free_view
+from frametwin.blender.views.framing import MARGIN, Room, camera_view, free_view
 
 
 def views_of(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Area, bpy.types.Region]]:

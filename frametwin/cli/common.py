@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from frametwin.wireframe import Wireframe
+    from frametwin.geometry.wireframe import Wireframe
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -78,7 +78,7 @@ def load_frame(name: str) -> Wireframe:
         If it is neither.
     """
     from frametwin.formats import read_frame
-    from frametwin.parametric import FRAMES, named_frame
+    from frametwin.geometry.parametric import FRAMES, named_frame
 
     if Path(name).exists() or name not in FRAMES:
         return read_frame(name)
@@ -86,8 +86,8 @@ def load_frame(name: str) -> Wireframe:
 
 
 def check_output_folder(path: Path, overwrite: bool, mark: str) -> None:
-    """Refuse an output folder before the work begins; see `frametwin.runs.require_free`."""
-    from frametwin.runs import require_free
+    """Refuse an output folder before the work begins; see `frametwin.twin.runs.require_free`."""
+    from frametwin.twin.runs import require_free
 
     require_free(path, overwrite, mark, "--out", "give --overwrite")
 

@@ -18,7 +18,7 @@ from frametwin.cli.common import (
 from frametwin.errors import InputError
 
 if TYPE_CHECKING:
-    from frametwin.wireframe import Wireframe
+    from frametwin.geometry.wireframe import Wireframe
 
 
 @click.command("convert", short_help="Write a frame in another format.")
@@ -62,7 +62,7 @@ def command(
 
 
 def _read(source: str) -> Wireframe:
-    from frametwin.runs import is_run, load_run
+    from frametwin.twin.runs import is_run, load_run
 
     if is_run(Path(source)):
         twin, plan = load_run(Path(source))

@@ -51,7 +51,7 @@ def fit_command(folder: Path, quiet: bool, as_json: bool, **options: Any) -> int
       frametwin dataset fit out/demo --preset paper-lattice --set iterations=50
     """
     from frametwin.dataset.fits import FitSettings, fit_dataset, summarise
-    from frametwin.fit.api import settings_of
+    from frametwin.fitting.api import settings_of
 
     preset, seed = options.pop("preset"), options.pop("seed")
     settings = FitSettings(preset, seed, parse_changes(options.pop("assignments"), settings_of(preset, seed)))

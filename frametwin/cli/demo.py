@@ -26,12 +26,12 @@ from frametwin.cli.fit import PRESETS, summary_facts
 from frametwin.errors import InputError
 
 if TYPE_CHECKING:
-    from frametwin.capture import Capture
-    from frametwin.evaluate import Errors
-    from frametwin.findings import Detection
-    from frametwin.fit.api import FitResult
-    from frametwin.simulate import Simulation, SimulationSettings
-    from frametwin.wireframe import Wireframe
+    from frametwin.capture.capture import Capture
+    from frametwin.evaluation.evaluate import Errors
+    from frametwin.fitting.api import FitResult
+    from frametwin.geometry.wireframe import Wireframe
+    from frametwin.simulation.simulate import Simulation, SimulationSettings
+    from frametwin.twin.findings import Detection
 
 MARK = "demo.json"
 CONTENT = frozenset({MARK, "capture", "run", "views.png"})
@@ -115,7 +115,7 @@ def _demo(options: DemoOptions) -> None:
         raise InputError.at(out, "--out", "holds something else than an earlier demo", remedy)
     plan = load_frame(options.frame)
     from frametwin.files import staged_directory
-    from frametwin.simulate import SimulationSettings
+    from frametwin.simulation.simulate import SimulationSettings
 
     settings = SimulationSettings(views=options.views, size=options.size, seed=options.seed, missing=options.missing)
     blender = takes_blender(options.renderer)
@@ -129,7 +129,7 @@ def _demo(options: DemoOptions) -> None:
 
 def takes_blender(renderer: str) -> bool:
     """Whether Blender takes the pictures; an error in words where it shall and cannot."""
-    from frametwin.rendering import blender_is_here
+    from frametwin.blender.rendering.client import blender_is_here
 
     if renderer == "blender" and not blender_is_here():
         remedy = "install it by 'python3 scripts/run.py setup', or take another renderer"
@@ -165,7 +165,7 @@ class Done:
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""
-        from frametwin.runs import fit_summary
+        from frametwin.twin.runs import fit_summary
 
         found = {} if self.detection is None else {"missing_struts": self.detection.as_dict()}
         return {
@@ -180,7 +180,7 @@ class Done:
 
     def facts(self) -> list[tuple[str, str]]:
         """For people."""
-        from frametwin.runs import fit_summary
+        from frametwin.twin.runs import fit_summary
 
         data = fit_summary(self.result.twin, self.simulation.frame)
         sag = ("largest displacement", f"{self.simulation.peak:.4g} mm")
@@ -191,12 +191,12 @@ def run_demo(
     plan: Wireframe, settings: SimulationSettings, preset: str, folder: Path, display: Display, blender: bool = False
 ) -> Done:
     """Simulate, take pictures (with ``blender``: by Blender), fit, evaluate and draw into ``folder``."""
-    from frametwin.capture import read_capture
-    from frametwin.evaluate import evaluate
+    from frametwin.capture.capture import read_capture
+    from frametwin.evaluation.evaluate import evaluate
     from frametwin.files import write_json
-    from frametwin.findings import Detection, missing_struts
-    from frametwin.fit.api import fit_capture, write_run
-    from frametwin.simulate import simulate, write_simulation
+    from frametwin.fitting.api import fit_capture, write_run
+    from frametwin.simulation.simulate import simulate, write_simulation
+    from frametwin.twin.findings import Detection, missing_struts
 
     simulation = simulate(plan, settings, display)
     renderer = "the library's own silhouettes"
@@ -226,9 +226,9 @@ def _rendered(simulation: Simulation, display: Display) -> tuple[Simulation, str
 
     import numpy as np
 
-    from frametwin.png import decode_png
-    from frametwin.rendering import render_in_child
-    from frametwin.scene import Scene
+    from frametwin.blender.rendering.client import render_in_child
+    from frametwin.capture.png import decode_png
+    from frametwin.capture.scene import Scene
 
     thickness = np.repeat(simulation.truth.radius[:, None], 2, axis=1)
     scene = Scene(simulation.truth, simulation.present, thickness, simulation.cameras)
@@ -240,9 +240,9 @@ def _rendered(simulation: Simulation, display: Display) -> tuple[Simulation, str
 
 
 def _draw(path: Path, capture: Capture, done: Done, display: Display) -> None:
-    from frametwin.contact_sheet import contact_sheet, find_close_ups
-    from frametwin.image_files import write_png
-    from frametwin.overlay import layers_of
+    from frametwin.capture.image_files import write_png
+    from frametwin.imaging.contact_sheet import contact_sheet, find_close_ups
+    from frametwin.imaging.overlay import layers_of
     from frametwin.progress import Progress, report
 
     report(display, Progress("drawing views", 0, 1))

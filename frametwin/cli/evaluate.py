@@ -11,9 +11,9 @@ import click
 from frametwin.cli.common import FOLDER, json_option, listed, print_json, print_table
 
 if TYPE_CHECKING:
-    from frametwin.evaluate import Errors
-    from frametwin.findings import Detection
-    from frametwin.twin import Twin
+    from frametwin.evaluation.evaluate import Errors
+    from frametwin.twin.findings import Detection
+    from frametwin.twin.twin import Twin
 
 ROWS = (("curves", "curves, both ways"), ("joints", "joints"), ("equal_parameter", "equal parameter"))
 
@@ -45,9 +45,9 @@ def command(run: Path, truth: Path, worst: int, as_json: bool) -> None:
       frametwin evaluate out/bridge_run out/bridge
       frametwin evaluate out/run scanned.json --json
     """
-    from frametwin.evaluate import evaluate
-    from frametwin.findings import Detection, missing_struts
-    from frametwin.runs import load_run, read_truth
+    from frametwin.evaluation.evaluate import evaluate
+    from frametwin.twin.findings import Detection, missing_struts
+    from frametwin.twin.runs import load_run, read_truth
 
     twin, frame = load_run(run)
     real = read_truth(truth, frame)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     pass
 
 PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven")
-"""As `frametwin.fit.api.PRESETS`, which takes seconds to import."""
+"""As `frametwin.fitting.api.PRESETS`, which takes seconds to import."""
 
 
 @click.command("fit", short_help="Find the digital twin of a capture.")
@@ -102,9 +102,9 @@ class FitOptions:
 
 def _fit(options: FitOptions) -> None:
     check_output_folder(options.out, options.overwrite, "twin.json")
-    from frametwin.capture import read_capture
-    from frametwin.fit.api import fit_capture, settings_of, write_run
-    from frametwin.runs import fit_summary
+    from frametwin.capture.capture import read_capture
+    from frametwin.fitting.api import fit_capture, settings_of, write_run
+    from frametwin.twin.runs import fit_summary
 
     preset, seed = options.preset, options.seed
     changes = parse_changes(options.assignments, settings_of(preset, seed))

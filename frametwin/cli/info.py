@@ -18,7 +18,7 @@ from frametwin.cli.common import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from frametwin.wireframe import Wireframe
+    from frametwin.geometry.wireframe import Wireframe
 
 
 @click.command("info", short_help="Say what a frame, a capture or a run holds.")
@@ -36,7 +36,7 @@ def command(source: str, as_json: bool) -> None:
       frametwin info NodeFemur_wireframe.txt
       frametwin info CAPTURE --json
     """
-    from frametwin.runs import is_run
+    from frametwin.twin.runs import is_run
 
     path = Path(source)
     if is_run(path):
@@ -92,7 +92,7 @@ def _spread(values: np.ndarray) -> dict[str, float]:
 
 
 def _capture(path: Path) -> dict[str, Any]:
-    from frametwin.capture import read_capture
+    from frametwin.capture.capture import read_capture
     from frametwin.formats import defects_json
 
     capture = read_capture(path)
@@ -112,8 +112,8 @@ def _capture(path: Path) -> dict[str, Any]:
 
 
 def _run(path: Path) -> dict[str, Any]:
-    from frametwin.findings import missing_struts, uncertain_struts
-    from frametwin.runs import load_run
+    from frametwin.twin.findings import missing_struts, uncertain_struts
+    from frametwin.twin.runs import load_run
 
     twin, frame = load_run(path)
     return {

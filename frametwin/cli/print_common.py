@@ -24,10 +24,10 @@ KINDS = (
     "low-confidence",
     "contact",
 )
-"""As `frametwin.printing.answer.ACCEPTABLE`, which takes seconds to import."""
+"""As `frametwin.printing.job.answer.ACCEPTABLE`, which takes seconds to import."""
 
 FORMATS = ("json", "urscript", "gcode", "compas", "assembly")
-"""As `frametwin.printing.robot_files.FORMATS`."""
+"""As `frametwin.printing.toolpath.robot_files.FORMATS`."""
 
 
 class Numbers(click.ParamType):

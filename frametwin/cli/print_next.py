@@ -12,7 +12,7 @@ from frametwin.cli.display import Display
 from frametwin.cli.print_common import accept_option
 
 if TYPE_CHECKING:
-    from frametwin.printing.job import Job
+    from frametwin.printing.job.job import Job
 
 
 def reprint_option(function: Any) -> Any:
@@ -50,9 +50,9 @@ def next_command(
       frametwin print next out/job --capture out/captures/007 --reprint
       frametwin print next out/job --capture out/captures/007 --accept lost-struts
     """
-    from frametwin.printing.answer import AnswerOptions
-    from frametwin.printing.job import Job
-    from frametwin.printing.summaries import answer_summary
+    from frametwin.printing.job.answer import AnswerOptions
+    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.summaries import answer_summary
 
     work = Job(job)
     options = AnswerOptions(accept=frozenset(accept), reprint=reprint, warm=not cold)
@@ -93,10 +93,10 @@ def watch_command(
     Example:
       frametwin print watch out/job out/captures
     """
-    from frametwin.printing.answer import AnswerOptions
-    from frametwin.printing.job import Job
-    from frametwin.printing.summaries import answer_summary
-    from frametwin.printing.watch import Watch
+    from frametwin.printing.job.answer import AnswerOptions
+    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.summaries import answer_summary
+    from frametwin.printing.job.watch import Watch
 
     work = Job(job)
     options = AnswerOptions(accept=frozenset(accept), reprint=reprint)

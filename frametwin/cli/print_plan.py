@@ -80,8 +80,8 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     """
     check_output_folder(out, overwrite, "job.json")
     plan = load_frame(frame)
-    from frametwin.printing.plan_job import PlanOptions, plan_job
-    from frametwin.printing.summaries import plan_summary
+    from frametwin.printing.job.plan_job import PlanOptions, plan_job
+    from frametwin.printing.job.summaries import plan_summary
 
     order, base = settings.pop("order"), read_base(settings.pop("base"))
     speed, reprint = settings.pop("speed"), bool(settings.pop("reprint"))

@@ -24,7 +24,7 @@ from frametwin.cli.display import Display
 from frametwin.cli.print_common import NOZZLE, accept_option, loop_options, order_options, split_nozzle
 
 if TYPE_CHECKING:
-    from frametwin.printing.simulate import SimulatedPrint
+    from frametwin.printing.simulation.simulate import SimulatedPrint
 
 PICTURE = "print.png"
 
@@ -101,7 +101,7 @@ class SimulateOptions:
 
     @property
     def plan(self) -> dict[str, Any]:
-        """Fields of `frametwin.printing.plan_job.PlanOptions`."""
+        """Fields of `frametwin.printing.job.plan_job.PlanOptions`."""
         names = ("adapt", "anticipate", "compensate", "batch_size", "max_tilt_deg", *NOZZLE)
         reprint = self.adapt if self.reprint is None else self.reprint
         return {
@@ -113,10 +113,11 @@ class SimulateOptions:
 
 def _simulate(options: SimulateOptions) -> None:
     frame = load_frame(options.frame)
-    from frametwin.printing.material import PrintSettings
-    from frametwin.printing.plan_job import PlanOptions
-    from frametwin.printing.simulate import SimulationOptions, draw_print, simulate_print
-    from frametwin.printing.simulated_pictures import Rig
+    from frametwin.blender.rendering.client import blender_renderer
+    from frametwin.printing.job.plan_job import PlanOptions
+    from frametwin.printing.process.material import PrintSettings
+    from frametwin.printing.simulation.simulate import SimulationOptions, draw_print, simulate_print
+    from frametwin.printing.simulation.simulated_pictures import Rig
 
     wanted = SimulationOptions(
         plan=PlanOptions(**options.plan),
@@ -128,7 +129,13 @@ def _simulate(options: SimulateOptions) -> None:
     )
     with Display(options.quiet) as display:
         simulated = simulate_print(
-            options.out, frame, wanted, order=options.order, overwrite=options.overwrite, progress=display
+            options.out,
+            frame,
+            wanted,
+            order=options.order,
+            overwrite=options.overwrite,
+            renderer=blender_renderer(),
+            progress=display,
         )
     draw_print(options.out / PICTURE, simulated)
     if options.as_json:
@@ -138,7 +145,7 @@ def _simulate(options: SimulateOptions) -> None:
 
 
 def _tell(out: Path, simulated: SimulatedPrint) -> None:
-    from frametwin.printing.simulate import verdict
+    from frametwin.printing.simulation.simulate import verdict
 
     report = simulated.report
     rows = [

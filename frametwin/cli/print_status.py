@@ -10,7 +10,7 @@ import click
 from frametwin.cli.common import FOLDER, json_option, print_json, print_table
 
 if TYPE_CHECKING:
-    from frametwin.printing.job import Job
+    from frametwin.printing.job.job import Job
 
 
 @click.command("status", short_help="Show how far a job is, and what to do next.")
@@ -24,8 +24,8 @@ def status_command(job: Path, as_json: bool) -> None:
     Example:
       frametwin print status out/job
     """
-    from frametwin.printing.job import Job
-    from frametwin.printing.summaries import status_summary
+    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.summaries import status_summary
 
     work = Job(job)
     work.settle()
@@ -37,7 +37,7 @@ def status_command(job: Path, as_json: bool) -> None:
 
 def tell_status(job: Job) -> None:
     """Print the state of a job for people."""
-    from frametwin.printing.summaries import what_next
+    from frametwin.printing.job.summaries import what_next
 
     rows = []
     for state in job.states():

@@ -89,7 +89,7 @@ def command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: bool, 
     """
     check_output_folder(out, overwrite, "transforms.json")
     plan = load_frame(frame)
-    from frametwin.simulate import SimulationSettings, simulate, write_simulation
+    from frametwin.simulation.simulate import SimulationSettings, simulate, write_simulation
 
     checked = SimulationSettings(**settings)  # type: ignore[arg-type]
     with Display(quiet) as display:

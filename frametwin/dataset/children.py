@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from frametwin.blender.rendering.client import render_here
+from frametwin.capture.scene import WORKBENCH_WORKS
 from frametwin.dataset.run import SCENE_FILE, Busy, DatasetRun, opened
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.progress import ProgressCallback
-from frametwin.rendering import render
-from frametwin.scene import WORKBENCH_WORKS
 from frametwin.worker.client import WorkerClient
 
 
@@ -121,7 +121,7 @@ def sample_here(task: Task, progress: ProgressCallback | None = None) -> str:
             stage = run.prepare(task.index, shapes, progress)
             made_with: dict[str, Any] = {}
             if (stage / SCENE_FILE).exists():
-                made_with = render(stage / SCENE_FILE, stage, progress)
+                made_with = render_here(stage / SCENE_FILE, stage, progress)
             return run.finish(task.index, made_with)
         except BaseException:
             run.give_up(task.index)
@@ -129,7 +129,7 @@ def sample_here(task: Task, progress: ProgressCallback | None = None) -> str:
 
 
 def _read_blend(run: DatasetRun, index: int, path: Path) -> Any:
-    from frametwin.blender.plans import read_blend
+    from frametwin.blender.frames.plans import read_blend
 
     values = run.sampler.specification(index).deformation
     if values.object is None:

@@ -11,18 +11,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from frametwin import bezier
 from frametwin.cameras import to_nerfstudio, write_colmap_text
-from frametwin.capture import Capture, read_capture
+from frametwin.capture.capture import Capture, read_capture
 from frametwin.dataset.folder import read_dataset, sample_name
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import InputError
 from frametwin.files import PathLike, staged_directory, write_json, write_text
 from frametwin.formats import write_frame
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.twin import FILE_NAME as TWIN_FILE
-from frametwin.twin import read_twin
-from frametwin.wireframe import Wireframe
+from frametwin.twin.twin import FILE_NAME as TWIN_FILE
+from frametwin.twin.twin import read_twin
 
 FORMAT = "frametwin-export"
 VERSION = 1

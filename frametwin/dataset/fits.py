@@ -14,18 +14,18 @@ from typing import Any
 import numpy as np
 
 from frametwin import __version__
-from frametwin.capture import Capture, read_capture
+from frametwin.capture.capture import Capture, read_capture
 from frametwin.dataset.farm import run_tasks
 from frametwin.dataset.folder import Dataset, SampleEntry, read_dataset
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import Cancelled, FrameTwinError, InputError
-from frametwin.evaluate import Errors, evaluate
+from frametwin.evaluation.evaluate import Errors, evaluate
 from frametwin.files import PathLike, check_format, read_json, write_json, write_text
-from frametwin.findings import Detection, missing_struts
-from frametwin.fit.api import fit_capture, input_hashes, settings_of, write_run
+from frametwin.fitting.api import fit_capture, input_hashes, settings_of, write_run
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.twin import FILE_NAME as TWIN_FILE
-from frametwin.twin import Twin, read_twin
+from frametwin.twin.findings import Detection, missing_struts
+from frametwin.twin.twin import FILE_NAME as TWIN_FILE
+from frametwin.twin.twin import Twin, read_twin
 
 FORMAT = "frametwin-dataset-fit"
 VERSION = 1
@@ -34,7 +34,7 @@ TABLE_FILE, CSV_FILE = "fit.json", "errors.csv"
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What is fitted: preset, seed, and settings that differ from the preset's. See `frametwin.fit.api.fit_capture`.
+    """Preset, seed, and settings that differ from the preset's. See `frametwin.fitting.api.fit_capture`.
 
     Raises
     ------

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
+from frametwin.blender.rendering.client import blender_is_here
 from frametwin.dataset.children import Task, close_idle, make_sample
 from frametwin.dataset.farm import run_tasks
 from frametwin.dataset.run import Busy, DatasetRun
 from frametwin.errors import Cancelled, InputError
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.rendering import blender_is_here
 
 PER_PROCESS = 25
 """Samples that one process makes before a fresh one takes over: Blender's memory grows with every scene."""

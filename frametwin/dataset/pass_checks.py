@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from frametwin.capture import Capture, View
+from frametwin.capture.capture import Capture, View
 from frametwin.dataset.true_curves import TrueCurves
 from frametwin.errors import InputError
-from frametwin.exr import Passes, read_passes
+from frametwin.imaging.exr import Passes, read_passes
 
 LEAST_AGREEING = 0.95
 """Share of the samples that are compared at which a pass says what the curves say."""

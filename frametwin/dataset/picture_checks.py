@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 
 from frametwin.cameras import Camera
-from frametwin.capture import Capture, View
+from frametwin.capture.capture import Capture, View
 from frametwin.dataset.true_curves import TrueCurves
 from frametwin.errors import InputError
-from frametwin.images import read_masks
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.masks import read_masks
 from frametwin.raster.silhouette import silhouettes
-from frametwin.wireframe import Wireframe
 
 LEAST_WHITE, MOST_WHITE = 1e-4, 0.9
 """Share of a mask that belongs to the print."""

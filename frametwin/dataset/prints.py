@@ -12,19 +12,20 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from frametwin.cameras import Camera
-from frametwin.capture import read_cameras
+from frametwin.cameras.rigs import dome_rig, ring_rig
+from frametwin.capture.capture import read_cameras
 from frametwin.dataset.specification import DeformationValues, PrintingValues, RigValues, Specification
-from frametwin.defects import drop_struts
-from frametwin.deformations import rigid_motion, smooth_warp, tip_load
 from frametwin.errors import InputError
 from frametwin.files import PathLike
-from frametwin.finite_rotation import rotation_matrices
-from frametwin.hardening import Hardening
-from frametwin.print_order import print_share
+from frametwin.geometry.displacement import largest_displacement
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.deformations import rigid_motion, smooth_warp, tip_load
+from frametwin.mechanics.finite_rotation import rotation_matrices
+from frametwin.mechanics.hardening import Hardening
+from frametwin.mechanics.sag import SagSettings, sag
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.rigs import dome_rig, ring_rig
-from frametwin.sag import SagSettings, largest_displacement, sag
-from frametwin.wireframe import Wireframe
+from frametwin.simulation.defects import drop_struts
+from frametwin.simulation.print_order import print_share
 
 KNOTS = 9
 """Places along every strut at which its thickness is drawn; it is linear between them."""

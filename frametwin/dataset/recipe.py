@@ -91,7 +91,7 @@ class Deformation(Table):
     file, object : the .blend file, relative to the recipe, and the object in it, for ``blend``: its rest state is the
         plan, its evaluated state (modifiers, shape keys) the truth.
     timeline : first and last frame of the animation from which one is drawn, for ``blend``.
-    engine : who solves the equations of ``sag`` and ``tip-load``; see `frametwin.sag.SagSettings`. The default agrees
+    engine : who solves the equations of ``sag`` and ``tip-load``; see `frametwin.mechanics.sag`. The default agrees
         with PyNite to about 1e-12 mm and takes a fraction of its time.
     """
 
@@ -189,7 +189,7 @@ class Rig(Table):
 
 
 class Look(Table):
-    """``[render.look]``: how photos vary; every sample draws from these ranges. See `frametwin.scene.PhotoLook`."""
+    """``[render.look]``: how photos vary; samples draw from these ranges. See `frametwin.capture.scene.PhotoLook`."""
 
     strut_grey: Annotated[_Range, _within(0.3, 1.0)] = (0.72, 0.82)
     layer_bump: Share = (0.1, 0.4)

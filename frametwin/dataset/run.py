@@ -18,8 +18,9 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from frametwin import __version__
-from frametwin.capture import write_description
-from frametwin.curve_truth import curve_truth, write_curves
+from frametwin.capture.capture import write_description
+from frametwin.capture.image_files import write_png
+from frametwin.capture.scene import PhotoLook, Scene, write_scene
 from frametwin.dataset import folder as folders
 from frametwin.dataset.croissant import write_croissant
 from frametwin.dataset.prints import Print, make_print
@@ -28,12 +29,11 @@ from frametwin.dataset.specification import Sampler, Specification
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.files import PathLike, read_json, swap_in, write_bytes
 from frametwin.formats import defects_json
-from frametwin.image_files import write_png
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.raster.silhouette import silhouettes
-from frametwin.scene import PhotoLook, Scene, write_scene
-from frametwin.simulate import NOTES_FILE
-from frametwin.wireframe import Wireframe
+from frametwin.simulation.curve_truth import curve_truth, write_curves
+from frametwin.simulation.simulate import NOTES_FILE
 
 SCENE_FILE = "scene.json"
 LOCKS = ".locks"

@@ -11,19 +11,19 @@ import cv2
 import numpy as np
 
 from frametwin.cameras import Camera
-from frametwin.capture import Capture, View, read_capture
-from frametwin.contact_sheet import line_width
+from frametwin.capture.capture import Capture, View, read_capture
+from frametwin.capture.strut_mesh import sub_curves
 from frametwin.dataset.fits import figures_of, judge
 from frametwin.dataset.folder import Sample, SampleEntry, read_sample
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import FrameTwinError
-from frametwin.evaluate import Errors
-from frametwin.findings import Detection
-from frametwin.images import read_masks
-from frametwin.overlay import Layer, draw_view, layers_of
-from frametwin.strut_mesh import sub_curves
-from frametwin.twin import FILE_NAME as TWIN_FILE
-from frametwin.twin import Twin, read_twin
+from frametwin.evaluation.evaluate import Errors
+from frametwin.imaging.contact_sheet import line_width
+from frametwin.imaging.masks import read_masks
+from frametwin.imaging.overlay import Layer, draw_view, layers_of
+from frametwin.twin.findings import Detection
+from frametwin.twin.twin import FILE_NAME as TWIN_FILE
+from frametwin.twin.twin import Twin, read_twin
 
 PICTURE = "{}.jpg"
 HEIGHT = 280

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from frametwin.capture import read_cameras
+from frametwin.capture.capture import read_cameras
 from frametwin.dataset.recipe import Deformation, RecipeFile, Render, Rig
 from frametwin.errors import InputError
 from frametwin.files import PathLike, dump_json
 from frametwin.formats import frame_json, read_frame
-from frametwin.parametric import FRAMES, named_frame
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.parametric import FRAMES, named_frame
+from frametwin.geometry.wireframe import Wireframe
 
 PARTS = ("frame", "deformation", "printing", "rig", "look")
 """The streams, in the order in which they are spawned."""

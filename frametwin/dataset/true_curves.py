@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from frametwin import bezier
-from frametwin.capture import Capture
-from frametwin.curve_truth import FILE_NAME, REMEDY, SAMPLES, CurveTruth, read_curves
+from frametwin.capture.capture import Capture
 from frametwin.errors import InputError
 from frametwin.formats import defects_json
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.simulation.curve_truth import FILE_NAME, REMEDY, SAMPLES, CurveTruth, read_curves
 
 POINT_TOLERANCE = 1e-3
 """In mm: a coordinate of a metre in single precision is right to a tenth of this."""

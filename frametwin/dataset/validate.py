@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from frametwin import bezier
-from frametwin.capture import Capture, View, read_capture
+from frametwin.capture.capture import Capture, View, read_capture
 from frametwin.dataset.farm import run_tasks
 from frametwin.dataset.folder import (
     SAMPLE_FILE,
@@ -30,8 +29,9 @@ from frametwin.dataset.picture_checks import check_pictures
 from frametwin.dataset.true_curves import read_true_curves
 from frametwin.errors import Cancelled, FrameTwinError, InputError
 from frametwin.files import PathLike, read_json
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.wireframe import Wireframe
 
 JOIN_TOLERANCE = 1e-6
 """In mm: how far the end of a true strut may be from its vertex."""

@@ -20,9 +20,9 @@ from frametwin.dataset.folder import RUNS, Dataset, SampleEntry, read_dataset, s
 from frametwin.dataset.sample_view import PICTURE, view_sample
 from frametwin.errors import Cancelled, InputError
 from frametwin.files import PathLike, read_json, staged_directory, write_json, write_text
-from frametwin.overlay import PLAN, PRINT, TRUTH, TWIN, Colour
+from frametwin.imaging.overlay import PLAN, PRINT, TRUTH, TWIN, Colour
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.twin import FILE_NAME as TWIN_FILE
+from frametwin.twin.twin import FILE_NAME as TWIN_FILE
 
 PAGE = "index.html"
 TEMPLATE = "page.html"

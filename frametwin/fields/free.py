@@ -18,12 +18,12 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor, nn
 
-from frametwin.fields import blending
+from frametwin.fields import node_weights as blending
 from frametwin.fields.base import checked_points
 from frametwin.fields.torch_field import TorchField
 
 if TYPE_CHECKING:
-    from frametwin.fit.sampling import CurveSampling
+    from frametwin.fields.sampling import CurveSampling
 
 NEIGHBOURS = 8
 """Control points that a point in space listens to."""

@@ -15,7 +15,7 @@ from frametwin.fields.torch_field import TorchField
 if TYPE_CHECKING:
     from scipy import sparse
 
-    from frametwin.fit.sampling import CurveSampling
+    from frametwin.fields.sampling import CurveSampling
 
 
 class _Product(torch.autograd.Function):

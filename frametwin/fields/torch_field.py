@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from frametwin.fields.base import DeformationField, checked_points
 
 if TYPE_CHECKING:
-    from frametwin.fit.sampling import CurveSampling
+    from frametwin.fields.sampling import CurveSampling
 
 Floats = NDArray[np.float64]
 

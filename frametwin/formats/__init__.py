@@ -18,7 +18,7 @@ from pathlib import Path
 from frametwin.errors import InputError
 from frametwin.files import PathLike, parse_json, read_text
 from frametwin.formats import assembly, frame_json, mesh, obj, rl3dp
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 __all__ = ["read_frame", "write_frame"]
 

@@ -18,7 +18,7 @@ import numpy as np
 from frametwin.arrays import LARGEST, is_plain_text
 from frametwin.errors import InputError
 from frametwin.files import PathLike
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 _MILLIMETRES = {
     "millimeter": 1.0,

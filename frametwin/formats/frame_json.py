@@ -10,7 +10,7 @@ import numpy as np
 
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
-from frametwin.wireframe import Wireframe, straight_control_points
+from frametwin.geometry.wireframe import Wireframe, straight_control_points
 
 FORMAT = "frametwin-frame"
 VERSION = 1

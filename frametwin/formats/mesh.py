@@ -9,7 +9,7 @@ import numpy as np
 
 from frametwin.errors import InputError
 from frametwin.files import PathLike
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 _MILLIMETRES = {
     "millimeters": 1.0,

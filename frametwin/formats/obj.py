@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from frametwin import bezier
 from frametwin.errors import InputError
 from frametwin.files import PathLike, read_text, write_text
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 CURVE_SEGMENTS = 16
 """Straight pieces that a curved strut is written with."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from frametwin.errors import InputError
 from frametwin.files import PathLike, read_text
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 _OTHER = {"node": "edge", "edge": "node"}
 

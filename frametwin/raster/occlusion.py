@@ -12,10 +12,10 @@ from math import floor, inf, sqrt
 import numba as nb
 import numpy as np
 
-from frametwin import bezier
 from frametwin.cameras import Camera
-from frametwin.strut_mesh import radii_at
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.radii import radii_at
+from frametwin.geometry.wireframe import Wireframe
 
 CHORD = 0.01
 """How far a straight piece may leave the curve, as a share of the strut's radius."""
@@ -100,7 +100,7 @@ def _piece_counts(curves: np.ndarray, span: np.ndarray, radii: np.ndarray, taper
 def seen(
     points: np.ndarray, tangents: np.ndarray, radius: np.ndarray, wanted: np.ndarray, pieces: Pieces, camera: Camera
 ) -> np.ndarray:
-    """Which points of the centrelines a camera sees; see `frametwin.curve_truth` for what that means.
+    """Which points of the centrelines a camera sees; see `frametwin.simulation.curve_truth` for what that means.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frametwin import bezier
+from frametwin.geometry import bezier
 from frametwin.raster import rod_kernels
 from frametwin.raster.pyramid import Level
 

@@ -13,12 +13,12 @@ from math import ceil, floor
 import numba as nb
 import numpy as np
 
-from frametwin import bezier
 from frametwin.cameras import Camera, packed
 from frametwin.errors import InputError
+from frametwin.geometry import bezier
+from frametwin.geometry.radii import radii_at
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.strut_mesh import radii_at
-from frametwin.wireframe import Wireframe
 
 CHORDS = 32
 """Straight pieces of a curved strut; a straight strut takes one."""

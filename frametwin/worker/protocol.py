@@ -2,7 +2,7 @@
 
 Requests, on the worker's standard input::
 
-    {"id": "7", "request": "fit", "parameters": {...}, "curves": true}      a job of `frametwin.worker.jobs.JOBS`
+    {"id": "7", "request": "fit", "parameters": {...}, "curves": true}      a job of `frametwin.worker.job_table.JOBS`
     {"id": "8", "request": "versions"}    answered at once, also while a job runs; "hello" is the same
     {"request": "cancel", "id": "7"}      the job ends at its next report of progress; ignored if there is none
     {"request": "quit"}                   as the end of the input: the running job is given up, the process ends

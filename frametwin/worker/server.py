@@ -17,7 +17,7 @@ from typing import Any
 from frametwin import __version__
 from frametwin.errors import Cancelled, FrameTwinError, InputError
 from frametwin.progress import Progress
-from frametwin.worker.jobs import JOBS, run_job
+from frametwin.worker.job_table import JOBS, run_job
 from frametwin.worker.protocol import PROTOCOL, ProtocolError, decode, finite
 from frametwin.worker.scratch import leave
 from frametwin.worker.streams import EventWriter, TooLong, read_lines

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 REASON = "Blender is absent: install the bpy wheel (pip install bpy), 4.5 for Python 3.11 or 5.2 for 3.13"
 
@@ -109,9 +109,9 @@ def tower_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from rod_rays import margin
     from small_frames import tower
 
-    from frametwin.capture import write_capture
-    from frametwin.rigs import ring_rig
-    from frametwin.scene import Scene
+    from frametwin.cameras.rigs import ring_rig
+    from frametwin.capture.capture import write_capture
+    from frametwin.capture.scene import Scene
 
     frame = tower()
     cameras = ring_rig(frame, 3, size=(120, 160))

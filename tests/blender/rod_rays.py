@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frametwin import bezier
 from frametwin.cameras import Camera, look_at
-from frametwin.scene import Scene
-from frametwin.wireframe import Wireframe
+from frametwin.capture.scene import Scene
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 PIECES = 24
 

@@ -14,9 +14,9 @@ import extension_cases as cases
 import pytest
 from worker_cases import is_gone, script, until, worker_python
 
-from frametwin.blender.curves import wireframe_from_curve
-from frametwin.blender.preview import KEY as PREVIEW
-from frametwin.blender.twins import find_twin
+from frametwin.blender.display.preview import KEY as PREVIEW
+from frametwin.blender.display.twins import find_twin
+from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.errors import InputError
 
 ops = bpy.ops.frametwin

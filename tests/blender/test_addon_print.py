@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from worker_cases import until
 
-from frametwin.blender.curves import wireframe_from_curve, wireframe_to_curve
-from frametwin.blender.print_jobs import (
+from frametwin.blender.display.print_jobs import (
     FIRST_FRAME,
     FRAMES_A_BATCH,
     ROLE_KEY,
@@ -22,9 +21,10 @@ from frametwin.blender.print_jobs import (
     jobs_in,
     place_shift,
 )
-from frametwin.parametric import named_frame
-from frametwin.png import decode_png
-from frametwin.printing.history import read_history
+from frametwin.blender.frames.curves import wireframe_from_curve, wireframe_to_curve
+from frametwin.capture.png import decode_png
+from frametwin.geometry.parametric import named_frame
+from frametwin.printing.records.history import read_history
 
 ops = bpy.ops.frametwin
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "film_print.py"

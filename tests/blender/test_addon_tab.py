@@ -10,20 +10,20 @@ import extension_cases as cases
 import numpy as np
 import pytest
 
-from frametwin.blender.adapted import find_adapted
-from frametwin.blender.captures import capture_parameters
-from frametwin.blender.colours import MISSING
-from frametwin.blender.curves import wireframe_from_curve
-from frametwin.blender.plan_objects import plan_summary
-from frametwin.blender.prints import partly_printed, read_print
-from frametwin.blender.rigs import cameras_from_collection, rig_cameras
-from frametwin.blender.statistics import statistics_of, worst_struts
-from frametwin.blender.twins import find_twin, is_twin, show_twin
-from frametwin.capture import read_capture
+from frametwin.blender.display.adapted import find_adapted
+from frametwin.blender.display.colours import MISSING
+from frametwin.blender.display.prints import partly_printed, read_print
+from frametwin.blender.display.statistics import statistics_of, worst_struts
+from frametwin.blender.display.twins import find_twin, is_twin, show_twin
+from frametwin.blender.frames.curves import wireframe_from_curve
+from frametwin.blender.frames.plan_objects import plan_summary
+from frametwin.blender.views.captures import capture_parameters
+from frametwin.blender.views.rigs import cameras_from_collection, rig_cameras
+from frametwin.capture.capture import read_capture
 from frametwin.formats import read_frame, write_frame
-from frametwin.parametric import named_frame
-from frametwin.runs import load_run, read_truth
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.runs import load_run, read_truth
 
 ops = bpy.ops.frametwin
 

@@ -14,18 +14,18 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
-from frametwin.blender.backgrounds import add_background
-from frametwin.blender.cameras import activate, camera_from_blender, camera_to_blender
-from frametwin.blender.collections import new_collection, remove_collection
-from frametwin.blender.rigs import cameras_from_collection, rig_around, rig_to_blender
-from frametwin.blender.transforms import read_transforms, write_transforms
-from frametwin.blender.units import mm_per_unit
+from frametwin.blender.scene.collections import new_collection, remove_collection
+from frametwin.blender.scene.units import mm_per_unit
+from frametwin.blender.views.backgrounds import add_background
+from frametwin.blender.views.cameras import activate, camera_from_blender, camera_to_blender
+from frametwin.blender.views.rigs import cameras_from_collection, rig_around, rig_to_blender
+from frametwin.blender.views.transforms import read_transforms, write_transforms
 from frametwin.cameras import Camera, look_at
-from frametwin.capture import read_cameras
+from frametwin.cameras.rigs import dome_rig, ring_rig
+from frametwin.capture.capture import read_cameras
+from frametwin.capture.image_files import write_png
 from frametwin.errors import InputError
-from frametwin.image_files import write_png
-from frametwin.rigs import dome_rig, ring_rig
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
 
 Link = Callable[[str, Any], bpy.types.Object]
 PIXEL = 0.005  # of reprojection; the project wants 0.05

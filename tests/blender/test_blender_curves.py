@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from frametwin import bezier
-from frametwin.blender.curves import strut_numbers, update_curve, wireframe_from_curve, wireframe_to_curve
-from frametwin.blender.joints import Reading
-from frametwin.blender.plans import plan_and_deformed, plan_from_object
-from frametwin.blender.units import mm_per_unit
+from frametwin.blender.frames.curves import strut_numbers, update_curve, wireframe_from_curve, wireframe_to_curve
+from frametwin.blender.frames.joints import Reading
+from frametwin.blender.frames.plans import plan_and_deformed, plan_from_object
+from frametwin.blender.scene.units import mm_per_unit
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 FIELDS = ("vertices", "edges", "control_points", "radius", "printed", "grounded", "batch")
 FINE = 1e-4  # mm

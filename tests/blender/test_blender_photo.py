@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from rod_rays import cameras, faulty, margin
 
-from frametwin.blender import photos, versions
-from frametwin.blender.render import render_scene
-from frametwin.blender.sensor import expose, tone_curve
+from frametwin.blender.rendering import photos, versions
+from frametwin.blender.rendering.render import render_scene
+from frametwin.blender.rendering.sensor import expose, tone_curve
 from frametwin.cameras import Camera
+from frametwin.capture.png import decode_png
+from frametwin.capture.scene import PhotoLook, Scene
 from frametwin.errors import Cancelled
-from frametwin.png import decode_png
-from frametwin.scene import PhotoLook, Scene
 
 STRUT, DIFFERENCE = 120, 30
 """The paper's threshold (section V.B), and the least change against the background."""
@@ -59,7 +59,7 @@ def test_the_mask_of_a_photo_is_the_print(denoise: bool, tmp_path: Path) -> None
 
 def test_the_library_makes_the_same_mask(tmp_path: Path) -> None:
     pytest.importorskip("cv2", reason="the library binarises with OpenCV at hand")
-    from frametwin.images import BACKGROUND_DIFFERENCE, PHOTO_THRESHOLD, binarise_photo
+    from frametwin.imaging.masks import BACKGROUND_DIFFERENCE, PHOTO_THRESHOLD, binarise_photo
 
     assert (PHOTO_THRESHOLD, BACKGROUND_DIFFERENCE) == (STRUT, DIFFERENCE)
     scene = photo_scene()
@@ -83,7 +83,7 @@ def test_a_photo_depends_on_its_seed_alone(tmp_path: Path) -> None:
 
 def test_the_passes_of_a_photo_are_those_of_a_mask(tmp_path: Path) -> None:
     pytest.importorskip("OpenEXR", reason="the passes are read with the OpenEXR package, outside of Blender")
-    from frametwin.exr import read_passes
+    from frametwin.imaging.exr import read_passes
 
     scene = replace(photo_scene(samples=1), passes=True)
     for style in ("mask", "photo"):

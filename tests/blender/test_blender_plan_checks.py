@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
-from frametwin.blender.curves import wireframe_to_curve
-from frametwin.blender.plan_checks import plan_problems, select_struts
-from frametwin.wireframe import Wireframe
+from frametwin.blender.frames.curves import wireframe_to_curve
+from frametwin.blender.frames.plan_checks import plan_problems, select_struts
+from frametwin.geometry.wireframe import Wireframe
 
 SQUARE = [[0, 0, 0], [50, 0, 0], [50, 0, 40], [0, 0, 40]]
 EDGES = [[0, 3], [1, 2], [3, 2]]

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from frametwin import bezier
-from frametwin.blender.curves import wireframe_to_curve
-from frametwin.blender.joints import Reading
-from frametwin.blender.plans import plan_and_deformed, plan_from_object, read_blend
-from frametwin.blender.welding import weld
+from frametwin.blender.frames.curves import wireframe_to_curve
+from frametwin.blender.frames.joints import Reading
+from frametwin.blender.frames.plans import plan_and_deformed, plan_from_object, read_blend
+from frametwin.blender.frames.welding import weld
 from frametwin.errors import InputError
-from frametwin.wireframe import Wireframe
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 Link = Callable[[str, Any], bpy.types.Object]
 FINE = 1e-4  # mm

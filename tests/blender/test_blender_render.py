@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 from rod_rays import cameras, distance_to_rods, faulty, margin, rods, tower
 
-from frametwin.blender import engines, jobs
-from frametwin.blender.console import quiet_console
-from frametwin.blender.render import render_scene
+from frametwin.blender.rendering import engines
+from frametwin.blender.rendering import render_job as jobs
+from frametwin.blender.rendering.console import quiet_console
+from frametwin.blender.rendering.render import render_scene
 from frametwin.cameras import Camera, look_at
+from frametwin.capture.image_files import image_size
+from frametwin.capture.png import PICTURE_CHUNKS, decode_png
+from frametwin.capture.scene import Scene
 from frametwin.errors import Cancelled, FrameTwinError, InputError
-from frametwin.image_files import image_size
-from frametwin.png import PICTURE_CHUNKS, decode_png
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress
-from frametwin.scene import Scene
-from frametwin.wireframe import Wireframe
 
 EDGE = 0.25
 """Pixels about an outline within which a mask may be either: half of what is asked for."""
@@ -144,7 +145,7 @@ def test_a_print_of_which_nothing_is_there_is_black(engine: str, tmp_path: Path)
 @pytest.mark.parametrize("name", ["faulty", "straight"])
 def test_passes_hold_depth_normal_and_strut_of_the_nearest_surface(name: str, tmp_path: Path) -> None:
     pytest.importorskip("OpenEXR", reason="the passes are read with the OpenEXR package, outside of Blender")
-    from frametwin.exr import read_passes
+    from frametwin.imaging.exr import read_passes
 
     scene = replace(SCENES[name](), passes=True)
     render_scene(scene, tmp_path)

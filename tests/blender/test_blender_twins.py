@@ -9,11 +9,10 @@ import bpy
 import numpy as np
 import pytest
 
-from frametwin.blender.colours import BINS, MISSING, UNKNOWN, colour_map, colour_twin
-from frametwin.blender.curves import wireframe_from_curve
-from frametwin.blender.statistics import StrutValues, statistics_of, worst_struts
-from frametwin.blender.stepwise import run_steps
-from frametwin.blender.twins import (
+from frametwin.blender.background.stepwise import run_steps
+from frametwin.blender.display.colours import BINS, MISSING, UNKNOWN, colour_map, colour_twin
+from frametwin.blender.display.statistics import StrutValues, statistics_of, worst_struts
+from frametwin.blender.display.twins import (
     RUN_KEY,
     Colours,
     TwinContent,
@@ -24,11 +23,12 @@ from frametwin.blender.twins import (
     show_twin,
     show_twin_steps,
 )
+from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.errors import InputError
 from frametwin.formats import frame_json
-from frametwin.runs import Truth
-from frametwin.twin import Twin, write_twin
-from frametwin.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.runs import Truth
+from frametwin.twin.twin import Twin, write_twin
 
 
 def shifted(frame: Wireframe, shift: Any) -> Twin:

@@ -11,10 +11,10 @@ import bpy
 import numpy as np
 from worker_cases import worker_python
 
-from frametwin.blender.curves import wireframe_from_curve
-from frametwin.blender.twins import RUN_KEY, find_twin, is_twin
-from frametwin.png import decode_png
-from frametwin.runs import load_run
+from frametwin.blender.display.twins import RUN_KEY, find_twin, is_twin
+from frametwin.blender.frames.curves import wireframe_from_curve
+from frametwin.capture.png import decode_png
+from frametwin.twin.runs import load_run
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "fit_capture.py"
 

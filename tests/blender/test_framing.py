@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from frametwin.blender.framing import BORDER, SENSOR, Room, camera_view, free_view
+from frametwin.blender.views.framing import BORDER, SENSOR, Room, camera_view, free_view
 
 FREE = Room(1311, 878, 58, 1019, 0, 824)
 WHOLE = Room(1311, 878, 0, 1311, 0, 878)

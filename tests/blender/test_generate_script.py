@@ -76,9 +76,9 @@ def test_the_script_makes_what_the_command_makes(recipe: Path, tmp_path: Path) -
 def test_a_frame_that_was_bent_in_blender(tmp_path: Path) -> None:
     import bpy
 
-    from frametwin.blender.curves import wireframe_to_curve
+    from frametwin.blender.frames.curves import wireframe_to_curve
     from frametwin.formats import frame_json
-    from frametwin.parametric import named_frame
+    from frametwin.geometry.parametric import named_frame
 
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     plan = named_frame("half_bowl")

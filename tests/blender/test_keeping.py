@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import pytest
 
-from frametwin.blender.keeping import keep
+from frametwin.blender.background.keeping import keep
 from frametwin.errors import InputError
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from worker_cases import EXTRA_JOBS, is_gone, until, worker_python
 
-from frametwin.blender.runner import GRACE, Job, Runner
-from frametwin.blender.stepwise import TURN
+from frametwin.blender.background.runner import GRACE, Job, Runner
+from frametwin.blender.background.stepwise import TURN
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.worker.client import WorkerClient
 

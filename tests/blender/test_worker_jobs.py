@@ -10,12 +10,12 @@ import pytest
 from worker_cases import extra_client
 
 import frametwin
-from frametwin.capture import read_capture
+from frametwin.capture.capture import read_capture
 from frametwin.errors import Cancelled, InputError
 from frametwin.formats import frame_json, read_frame
-from frametwin.parametric import named_frame
+from frametwin.geometry.parametric import named_frame
 from frametwin.progress import Progress
-from frametwin.twin import read_twin
+from frametwin.twin.twin import read_twin
 from frametwin.worker.client import WorkerClient
 from frametwin.worker.protocol import PROTOCOL
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 
 import frametwin
-from frametwin.worker import jobs, protocol
+from frametwin.worker import job_table as jobs
+from frametwin.worker import protocol
 
 frametwin.__version__ = os.environ.get("TEST_VERSION", frametwin.__version__)
 protocol.PROTOCOL = int(os.environ.get("TEST_PROTOCOL", protocol.PROTOCOL))

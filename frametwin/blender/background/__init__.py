@@ -1,0 +1,1 @@
+"""Jobs beside Blender: processes, their steps, and the folders they write."""

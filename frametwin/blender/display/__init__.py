@@ -1,0 +1,1 @@
+"""Twins, prints and print jobs on screen: curves, colours and figures."""

@@ -1,0 +1,61 @@
+"""What is shown in a scene, written to files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from frametwin.blender.display.twins import TwinObjects
+from frametwin.blender.frames.curves import wireframe_from_curve
+from frametwin.errors import InputError
+from frametwin.files import write_text
+from frametwin.formats import write_frame
+
+
+def export_twin(shown: TwinObjects, path: Path) -> None:
+    """Write a twin.
+
+    Parameters
+    ----------
+    shown
+        The twin, with what the user changed of its curves.
+    path
+        ``.json`` (a frame file) or ``.obj`` (lines) for the curves; ``.csv`` for a table with a row for every strut and
+        a column for every quantity, empty where there is no value.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file cannot be written.
+    """
+    if path.suffix.lower() == ".csv":
+        write_text(path, _table(shown))
+    elif path.suffix.lower() in (".json", ".obj"):
+        write_frame(path, wireframe_from_curve(shown.twin))
+    else:
+        raise InputError.at(path, "file", "is of no kind that twins are written as", "name it .json, .obj or .csv")
+
+
+def _table(shown: TwinObjects) -> str:
+    columns = list(shown.values.values())
+    heads = [f"{column.quantity} {column.unit}".strip().replace(" ", "_") for column in columns]
+    rows = [",".join(["strut", *heads, "missing", "uncertain"])]
+    flags = [set(found.tolist()) for found in (shown.missing, shown.uncertain)]
+    for strut in range(len(columns[0].values)):
+        values = [column.values[strut] for column in columns]
+        texts = ["" if np.isnan(value) else f"{value:.6g}" for value in values]
+        rows.append(",".join([str(strut), *texts, *(str(int(strut in found)) for found in flags)]))
+    return "\n".join(rows) + "\n"
+
+
+def export_curve(obj: bpy.types.Object, path: Path) -> None:
+    """Write the frame of a curve object as a frame file (``.json``) or as lines (``.obj``).
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, the suffix is another one, or the file cannot be written.
+    """
+    write_frame(path, wireframe_from_curve(obj))

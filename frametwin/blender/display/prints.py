@@ -1,0 +1,141 @@
+"""The real print in a scene: the plan's struts as they sagged, and which of them are there."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import idprop
+import numpy as np
+
+from frametwin.blender.display.colours import paint
+from frametwin.blender.frames.curves import wireframe_to_curve, wireframe_to_curve_steps
+from frametwin.blender.frames.plans import plan_and_deformed, plan_from_object
+from frametwin.blender.scene.placement import label
+from frametwin.capture.capture_checks import check_truth
+from frametwin.errors import InputError
+from frametwin.geometry.wireframe import Wireframe
+
+KEY = "frametwin_present"
+PRINT_COLOUR = (0.85, 0.4, 0.1)
+HOW_MUCH = ("all", "share", "batch", "height")
+
+
+@dataclass(frozen=True, eq=False)
+class Print:
+    """A print: the plan with what is printed, the real geometry, and (E, 2) where each strut is there."""
+
+    plan: Wireframe
+    truth: Wireframe
+    present: np.ndarray
+
+
+def partly_printed(frame: Wireframe, how: str, value: float = 1.0) -> Wireframe:
+    """Mark what has been printed of a plan.
+
+    Parameters
+    ----------
+    frame
+        The plan.
+    how
+        ``"all"``; ``"batch"``: batches up to ``value``; ``"height"``: struts whose both ends are not more than
+        ``value`` mm above the lowest joint. (``"share"`` is the worker's: `frametwin.simulation.print_order`.)
+
+    Raises
+    ------
+    InputError
+        If nothing would be printed, or the way is not known.
+    """
+    if how == "batch":
+        printed = frame.batch <= value
+    elif how == "height":
+        top = frame.vertices[frame.edges, 2].max(axis=1)
+        printed = top <= frame.vertices[frame.edges, 2].min() + value + 1e-9 * frame.extent
+    elif how == "all":
+        printed = np.ones(frame.strut_count, dtype=bool)
+    else:
+        raise InputError.at(frame.name, "printed", f"{how!r} is not known", f"give one of {', '.join(HOW_MUCH)}")
+    if not printed.any():
+        raise InputError.at(frame.name, "printed", f"no strut is printed up to {how} {value:g}", "give a higher one")
+    return frame.replace(printed=printed)
+
+
+def show_print_steps(
+    plan: Wireframe,
+    simulated: dict[str, Any],
+    scene: bpy.types.Scene | None = None,
+) -> Generator[None, None, bpy.types.Object]:
+    """Put what the worker's job ``simulate`` answered into the scene, as a curve object beside the plan.
+
+    Unprinted struts are left out of the drawing; the object knows the whole frame.
+    """
+    printed = np.asarray(simulated["printed_struts"], dtype=bool)
+    truth = plan.replace(
+        control_points=np.asarray(simulated["control_points"]),
+        vertices=np.asarray(simulated["vertices"]),
+        printed=printed,
+    )
+    obj = yield from wireframe_to_curve_steps(truth, name=f"{plan.name} print", scene=scene)
+    _mark(obj, np.asarray(simulated["present"]))
+    return obj
+
+
+def copy_to_bend(plan_object: bpy.types.Object, scene: bpy.types.Scene | None = None) -> bpy.types.Object:
+    """A copy of the plan as a curve object for the user to bend by hand or with modifiers.
+
+    Raises
+    ------
+    InputError
+        See `plan_from_object`.
+    """
+    plan = plan_from_object(plan_object, scene=scene)
+    obj = wireframe_to_curve(plan, name=f"{plan.name} print", scene=scene)
+    _mark(obj, np.tile([0.0, 1.0], (plan.strut_count, 1)))
+    return obj
+
+
+def is_made_print(obj: bpy.types.Object) -> bool:
+    """Whether an object was made by `show_print_steps` or `copy_to_bend`, and not drawn by the user."""
+    return KEY in obj
+
+
+def _mark(obj: bpy.types.Object, present: np.ndarray) -> None:
+    obj[KEY] = np.ascontiguousarray(present, dtype=np.float64).ravel()
+    paint(obj, "FrameTwin print", PRINT_COLOUR)
+
+
+def read_print(
+    plan_object: bpy.types.Object, print_object: bpy.types.Object | None, scene: bpy.types.Scene | None = None
+) -> Print:
+    """The print that an object shows.
+
+    Parameters
+    ----------
+    plan_object
+        The plan, whose modifiers count for nothing unless it is the print as well.
+    print_object
+        The same struts bent: made by `show_print_steps` or `copy_to_bend` (and bent further by hand or modifiers), or
+        ``None`` or the plan itself, for the plan as its modifiers and shape keys bend it.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read, or they are not of the same struts.
+    """
+    if print_object is None or print_object == plan_object:
+        plan, truth = plan_and_deformed(plan_object, scene=scene)
+        return Print(plan, truth, _everywhere(plan.printed))
+    plan = plan_from_object(plan_object, scene=scene)
+    truth = plan_from_object(print_object, evaluated=True, scene=scene)
+    check_truth(truth, plan, label(print_object))
+    plan, truth = plan.replace(printed=truth.printed), truth.replace(radius=plan.radius, grounded=plan.grounded)
+    kept = print_object.get(KEY)
+    if isinstance(kept, idprop.types.IDPropertyArray) and len(kept) == 2 * plan.strut_count:
+        return Print(plan, truth, np.array(kept, dtype=np.float64).reshape(-1, 2))
+    return Print(plan, truth, _everywhere(plan.printed))
+
+
+def _everywhere(printed: np.ndarray) -> np.ndarray:
+    return np.stack([np.zeros(len(printed)), printed.astype(np.float64)], axis=1)

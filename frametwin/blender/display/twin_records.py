@@ -1,0 +1,73 @@
+"""What a collection with a twin remembers of it, so that files that were saved and undone steps still know it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+import idprop
+import numpy as np
+
+from frametwin.blender.display.colours import BINS, Legend, colour_map
+from frametwin.blender.display.statistics import StrutValues
+from frametwin.errors import InputError
+
+KEY = "frametwin_twin"
+LEGEND_KEY = "frametwin_legend"
+VERSION = 1
+
+
+def store_values(
+    collection: bpy.types.Collection,
+    values: Mapping[str, StrutValues],
+    missing: np.ndarray,
+    uncertain: np.ndarray,
+) -> None:
+    """Write quantities of every strut and the findings as custom properties."""
+    columns = {name: {"unit": column.unit, "values": column.values} for name, column in values.items()}
+    found = {"missing": missing, "uncertain": uncertain}
+    flagged = {name: struts.astype(np.int32) for name, struts in found.items() if len(struts)}  # none may be empty
+    collection[KEY] = {"version": VERSION, "columns": columns, **flagged}
+
+
+def load_values(collection: bpy.types.Collection) -> tuple[dict[str, StrutValues], np.ndarray, np.ndarray]:
+    """What `store_values` wrote: quantities by name, missing and uncertain struts.
+
+    Raises
+    ------
+    InputError
+        If the collection has none, or was written by a later version.
+    """
+    group = collection.get(KEY)
+    where = f"collection {collection.name}"
+    if not isinstance(group, idprop.types.IDPropertyGroup):
+        raise InputError.at(where, "twin", "holds none", "choose the collection of a twin, or import a run")
+    if group.get("version") != VERSION:
+        raise InputError.at(where, "twin", "was written by a later version", "update FrameTwin")
+    columns = {
+        name: StrutValues(name, str(column["unit"]), np.array(column["values"], dtype=np.float64))
+        for name, column in group["columns"].items()
+    }
+    struts = [np.array(group.get(name, []), dtype=np.int64) for name in ("missing", "uncertain")]
+    return columns, struts[0], struts[1]
+
+
+def store_legend(collection: bpy.types.Collection, legend: Legend) -> None:
+    """Remember what the colours mean."""
+    collection[LEGEND_KEY] = {name: getattr(legend, name) for name in ("quantity", "unit", "low", "high", "automatic")}
+
+
+def load_legend(collection: bpy.types.Collection) -> Legend | None:
+    """What the colours mean; ``None`` if nobody has said."""
+    group: Any = collection.get(LEGEND_KEY)
+    if not isinstance(group, idprop.types.IDPropertyGroup):
+        return None
+    return Legend(
+        str(group["quantity"]),
+        str(group["unit"]),
+        float(group["low"]),
+        float(group["high"]),
+        colour_map()[:BINS],
+        bool(group.get("automatic", False)),
+    )

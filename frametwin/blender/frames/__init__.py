@@ -1,0 +1,1 @@
+"""Wireframes as Blender's curves and meshes, and back."""

@@ -1,0 +1,1 @@
+"""What every other adapter asks of a scene: units, collections, and where an object lies."""

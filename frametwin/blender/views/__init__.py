@@ -1,0 +1,1 @@
+"""Cameras, rigs, pictures behind cameras, and how a 3D view looks at something."""

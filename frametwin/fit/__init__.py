@@ -1,1 +1,0 @@
-"""Fitting a deformation field to pictures."""

@@ -1,0 +1,152 @@
+"""Gauss-Newton steps of the frame: smooth motions first, then every joint and strut."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from frametwin.fitting.elastic import INNER, ElasticFrame
+from frametwin.fitting.fast_settings import CoarseStage
+from frametwin.raster import rods
+from frametwin.raster.pyramid import Level
+from frametwin.raster.rods import Rods, Terms
+
+GROUND = 300.0
+"""Stiffness by which a grounded joint sticks to the plate, relative to the median strut's sideways one: enough to
+keep feet that no view shows, and nothing against feet that are seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where the frame is.
+
+    Attributes
+    ----------
+    joints : (V, 6) freedoms of the joints, from the plan.
+    inner : (E, 6) of the struts' inner control points.
+    radius : (E,) of the struts, mm.
+    opacity : (E, K) 0..1 along them.
+    """
+
+    joints: np.ndarray
+    inner: np.ndarray
+    radius: np.ndarray
+    opacity: np.ndarray
+
+    def moved(self, joints: np.ndarray, inner: np.ndarray) -> Pose:
+        """The pose after a step."""
+        return replace(self, joints=self.joints + joints, inner=self.inner + inner)
+
+
+def start_pose(elastic: ElasticFrame) -> Pose:
+    """The plan itself."""
+    count = len(elastic.edges)
+    return Pose(np.zeros((elastic.vertex_count, 6)), np.zeros((count, 6)), elastic.frame.radius, np.ones((count, 1)))
+
+
+def as_rods(elastic: ElasticFrame, pose: Pose, pieces: int) -> Rods:
+    """What the splatter draws of a pose, each strut as ``pieces`` straight ones."""
+    middle = (np.arange(pieces) + 0.5) / pieces
+    kernel = (middle * pose.opacity.shape[1]).astype(int)
+    return Rods(
+        control_points=elastic.displaced(elastic.frame.control_points, pose.joints, pose.inner),
+        joints=elastic.frame.vertices + pose.joints[:, :3],
+        edges=elastic.edges,
+        radius=np.repeat(pose.radius[:, None], pieces, axis=1),
+        opacity=pose.opacity[:, kernel],
+    )
+
+
+def joint_system(elastic: ElasticFrame, terms: Terms) -> tuple[sparse.csc_matrix, np.ndarray]:
+    """Matrix (6V, 6V) and gradient (6V,) of the loss by the joints' freedoms, struts following."""
+    follow = elastic.follow
+    turned = follow.transpose(0, 2, 1)
+    blocks = np.matmul(turned, np.matmul(terms.hessian, follow))
+    gradient = np.matmul(turned, terms.gradient[:, :, None])[:, :, 0]
+    return (
+        elastic.assemble(blocks, terms.joint_hessian),
+        elastic.assemble_vector(gradient, terms.joint_gradient),
+    )
+
+
+def smooth_descent(
+    elastic: ElasticFrame, motions: np.ndarray, pose: Pose, level: Level, stage: CoarseStage, longest: float
+) -> Iterator[tuple[Pose, float]]:
+    """Levenberg-Marquardt in the span of ``motions`` (6V, M); yields (pose, loss) after every step.
+
+    The elastic energy, weighted with the stage's pull, keeps out motions that stretch the frame for little gain.
+    ``longest`` caps the shift of 98 % of the joints in mm, by raising the damping: beyond it the pictures are no
+    longer nearly linear.
+    """
+    terms = rods.gauss_newton(as_rods(elastic, pose, stage.pieces), level)
+    stiffness = stage.pull * elastic.assemble(elastic.stiffness)
+    energy = 0.5 * pose.joints.ravel() @ (stiffness @ pose.joints.ravel())
+    damping = 1e-3
+    for _ in range(stage.iterations):
+        matrix, gradient = joint_system(elastic, terms)
+        reduced = motions.T @ ((matrix + stiffness) @ motions)
+        slope = motions.T @ (gradient + stiffness @ pose.joints.ravel())
+        diagonal = np.diag(reduced)
+        bulk = np.diag(diagonal + 0.1 * diagonal.mean())
+        step, damping = _capped(motions, reduced, slope, bulk, damping, longest)
+        trial = pose.moved(step, np.zeros_like(pose.inner))
+        found = rods.gauss_newton(as_rods(elastic, trial, stage.pieces), level)
+        strain = 0.5 * trial.joints.ravel() @ (stiffness @ trial.joints.ravel())
+        if found.loss + strain >= terms.loss + energy:
+            damping *= 4.0
+            if damping > 1e6:
+                return
+            continue
+        fall = terms.loss + energy - found.loss - strain
+        pose, terms, energy, damping = trial, found, strain, max(damping / 6.0, 1e-4)
+        yield pose, terms.loss
+        if fall < stage.gain * terms.loss:
+            return
+
+
+def _capped(
+    motions: np.ndarray, reduced: np.ndarray, slope: np.ndarray, bulk: np.ndarray, damping: float, longest: float
+) -> tuple[np.ndarray, float]:
+    """The step (V, 6), with the damping raised until it is short enough."""
+    while True:
+        step = (motions @ np.linalg.solve(reduced + damping * bulk, -slope)).reshape(-1, 6)
+        if np.percentile(np.linalg.norm(step[:, :3], axis=1), 98) <= longest or damping > 1e5:
+            return step, damping
+        damping *= 2.5
+
+
+def free_step(
+    elastic: ElasticFrame, terms: Terms, pose: Pose, anchor: Pose, pull: float, drag: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """One Gauss-Newton step of every joint and strut.
+
+    Minimises the linearised loss + pull E(pose + step - anchor) + drag E(step) over the step, E the elastic energy
+    with that against spinning struts. The struts' own freedoms are eliminated strut by strut; what is left is sparse.
+
+    Returns
+    -------
+    (V, 6) and (E, 6).
+    """
+    follow = elastic.follow
+    turned = follow.transpose(0, 2, 1)
+    away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
+    bent = pose.inner - anchor.inner
+    stiffness = elastic.stiffness + elastic.spin_stiffness
+    outer = np.matmul(turned, np.matmul(terms.hessian, follow)) + (pull + drag) * stiffness
+    mixed = np.matmul(turned, terms.hessian[:, :, INNER])
+    inner = terms.hessian[:, INNER, INNER] + (pull + drag) * elastic.inner_stiffness
+    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(stiffness, away[:, :, None])
+    inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
+    solved = np.linalg.solve(inner, np.concatenate([mixed.transpose(0, 2, 1), inner_slope], axis=2))
+    outer -= np.matmul(mixed, solved[:, :, :12])
+    slope -= np.matmul(mixed, solved[:, :, 12:])
+    held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
+    matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))
+    shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
+    right = -elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
+    joints = elastic.solve(matrix, right)
+    own = -solved[:, :, 12] - np.matmul(solved[:, :, :12], joints[elastic.freedoms][:, :, None])[:, :, 0]
+    return joints.reshape(-1, 6), own

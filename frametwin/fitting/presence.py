@@ -1,0 +1,113 @@
+"""What of each strut is really there, and how thick it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from frametwin.fitting.motion import Pose
+from frametwin.raster import rods
+from frametwin.raster.pyramid import Level
+from frametwin.raster.rods import Rods
+
+IN_VIEW = 0.02
+"""A piece is judged by itself if it is in plain view on at least this share of the pixels that it covers in all
+views together; a piece in less takes its strut's judgement, and a strut in less is believed to be there."""
+
+GAP = 3.0
+"""Radii of the shortest gap in a strut."""
+
+THINNEST, THICKEST = 0.3, 3.0
+"""Limits of a strut's radius, as shares of the planned one."""
+
+STEADY = 0.3
+"""How firmly a strut's radius is held to the frame's, as a share of the typical strut's own evidence."""
+
+
+def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
+    """Least-squares opacity of every piece, and how much of it is in plain view.
+
+    A piece's pixels vote for their whiteness, weighted by how much of them is seen past everything else.
+
+    Returns
+    -------
+    (E, P) opacity 0..1 and (E, P) pixels in plain view.
+    """
+    through = rods.transmittance(drawn, level)
+    evidence = rods.opacity_terms(drawn, level, through, np.float32(1.0) - through - level.target)
+    weight, slope = evidence[..., 0], evidence[..., 1]
+    opacity = np.clip(drawn.opacity - slope / np.maximum(weight, 1e-12), 0.0, 1.0)
+    needed = IN_VIEW * np.median(weight)
+    strut_weight = weight.sum(axis=1)
+    strut = np.where(strut_weight > needed, (weight * opacity).sum(axis=1) / np.maximum(strut_weight, 1e-12), 1.0)
+    return np.where(weight > needed, opacity, strut[:, None]), weight
+
+
+def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None = None) -> np.ndarray:
+    """(E, P) 1 where a piece is there and 0 in gaps: so many pieces in a row that are less opaque than ``absent``.
+
+    Single pieces look dark where they are not yet in their place, the end of a short strut above all. Were they left
+    out, nothing would pull them there, and their joint would have no disc to be placed by.
+
+    Parameters
+    ----------
+    opacity
+        (E, P) of the pieces.
+    absent
+        A piece that is less opaque is dark.
+    shortest
+        (E,) pieces of the shortest gap (`shortest_gap`); two by default. A strut that is dark from end to end is
+        missing whatever its length.
+    """
+    dark, count = opacity < absent, opacity.shape[1]
+    least = np.full(len(opacity), 2) if shortest is None else shortest
+    least = np.clip(least, 1, count)
+    gap = np.zeros_like(dark)
+    for length in np.unique(least):
+        struts = least == length
+        for first in range(count - length + 1):
+            row = slice(first, first + length)
+            gap[struts, row] |= dark[struts, row].all(axis=1)[:, None]
+    return np.where(gap, 0.0, 1.0)
+
+
+def shortest_gap(lengths: np.ndarray, radius: np.ndarray, pieces: int) -> np.ndarray:
+    """(E,) pieces, two or more, of the shortest gap that is believed, `GAP` radii (E,) of struts of lengths (E,).
+
+    Of pieces that are shorter than they are thick one sees little but their neighbours.
+    """
+    return np.maximum(2, np.ceil(GAP * radius * pieces / lengths - 1e-9)).astype(np.int64)
+
+
+def strut_whiteness(drawn: Rods, level: Level) -> np.ndarray:
+    """(E,) share of each strut's pixels in plain view that are white."""
+    opacity, weight = seen_opacity(drawn, level)
+    total = weight.sum(axis=1)
+    return np.where(total > 0.0, (weight * opacity).sum(axis=1) / np.maximum(total, 1e-12), 1.0)
+
+
+def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray) -> Pose:
+    """One Gauss-Newton step of the struts' radii, each strut's held to the frame's common factor.
+
+    Parameters
+    ----------
+    pose : with the present radii.
+    planned : (E,) mm.
+    widths : (E, P, 2) curvature and slope of the loss by the radius of each piece.
+    """
+    # By the logarithm of the radius, in which a common factor is a common shift.
+    curvature = widths[..., 0].sum(axis=1) * pose.radius**2
+    slope = widths[..., 1].sum(axis=1) * pose.radius
+    present = np.log(pose.radius / planned)
+    hold = STEADY * np.median(curvature)
+    if hold <= 0.0:
+        return pose
+    wanted = present - slope / np.maximum(curvature, 1e-9 * hold)
+    # Struts astray would ask for absurd radii: the common factor is a weighted median.
+    order = np.argsort(wanted)
+    share = np.cumsum(curvature[order])
+    common = wanted[order][np.searchsorted(share, 0.5 * share[-1])]
+    factor = (curvature * wanted + hold * common) / (curvature + hold)
+    factor = np.clip(factor, np.log(THINNEST), np.log(THICKEST))
+    return replace(pose, radius=planned * np.exp(factor))

@@ -1,0 +1,1 @@
+"""Frames and curves: wireframes and their checks, Bezier curves, rotation-minimising frames, parametric frames."""

@@ -1,0 +1,27 @@
+"""How far curves have moved, at equal parameter."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frametwin.geometry import bezier
+
+SAMPLES = 30
+"""Intervals of the curve parameter in which the largest displacement is looked for first."""
+
+
+def largest_displacement(change: np.ndarray) -> float:
+    """Largest length in mm of the cubic curves ``change`` (E, 4, 3) of displacement, to about six digits.
+
+    0 where there are none.
+    """
+    if not len(change):
+        return 0.0
+    coarse = np.linalg.norm(bezier.evaluate(change, np.arange(SAMPLES + 1) / SAMPLES), axis=2).max(axis=1)
+    near = change[coarse >= 0.98 * coarse.max()]
+    return float(np.linalg.norm(bezier.evaluate(near, np.linspace(0.0, 1.0, 601)), axis=2).max())
+
+
+def largest_deviation(design: np.ndarray, real: np.ndarray) -> float:
+    """Largest distance in mm between points at equal parameter of curves (N, 4, 3); 0 where there are none."""
+    return largest_displacement(real - design)

@@ -1,0 +1,1 @@
+"""Pictures: masks out of photographs, multi-layer EXR, overlays and contact sheets."""

@@ -1,0 +1,1 @@
+"""Frames as beams: stiffness, hardening, sag and other deformations, with finite rotations."""

@@ -1,0 +1,151 @@
+"""The twin of a batch: from where the last twin left the print, and from afresh only where that goes astray."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from frametwin.cameras import Camera
+from frametwin.fields.base import enlarged_box
+from frametwin.fields.lattice import LatticeField
+from frametwin.fitting.api import FitResult, fit_views
+from frametwin.fitting.fast_settings import Stage
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.adapt import lost_struts
+from frametwin.printing.adaptation.evidence import Pictures
+from frametwin.progress import ProgressCallback
+
+WARM: dict[str, Any] = {
+    "refine": (
+        Stage(0.9, 1.5, 2, 4, 0.12, 1.2),
+        Stage(0.9, 1.0, 2, 4, 0.12, 0.4),
+        Stage(1.8, 0.7, 2, 6, 0.04, 0.12, 1.5),
+    ),
+    "finish": (Stage(3.6, 0.4, 2, 8, 0.005, 0.08, 1.5, 0.7), Stage(8.0, 0.3, 1, 8, 0.002, 0.04, 1.5, 0.8)),
+}
+"""What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a few radii of where
+it starts, so that one more blurred stage does for the coarse ones, and fewer steps do. The error is the same. The last
+stages pull less towards the start, which is no smooth motion of the frame here but the plan. Without the first stage,
+joints that moved by more than about four radii would be lost."""
+
+ASTRAY = 1.0
+"""A warm fit is doubted where the white of so many typical struts lies beside the twin. Whole prints have 0.0, and
+struts that hang free at one end, which no twin can have, about 0.1 each."""
+
+ROOM = 32
+"""Pixels around what is looked at: struts and blurred pictures reach a little beyond their centrelines."""
+
+CONTRADICTED = 0.1
+"""Or where so much of the twin lies on black; whole prints have 0.02 to 0.05."""
+
+
+@dataclass(frozen=True, eq=False)
+class BatchFit:
+    """The twin of a batch and how it was found.
+
+    Attributes
+    ----------
+    result
+        Twin and field, relative to the plan.
+    start
+        ``"warm"``, ``"cold"``, or ``"warm, then cold"`` where the warm one was doubted.
+    seconds
+        That the fit took.
+    """
+
+    result: FitResult
+    start: str
+    seconds: float
+
+
+def fit_batch(
+    expected: Wireframe,
+    cameras: Sequence[Camera],
+    masks: Sequence[np.ndarray],
+    *,
+    warm: bool = True,
+    progress: ProgressCallback | None = None,
+) -> BatchFit:
+    """Find the twin of a batch.
+
+    Parameters
+    ----------
+    expected
+        The plan that the robot followed, its printed struts being where the last twin saw them, or, those of the
+        batch, where they were laid.
+    cameras, masks
+        Cameras without distortion, and (H, W) masks 0..1.
+    warm
+        Start from the plan as it is. Struts that are then not found, or pictures that are not explained, are taken for
+        a reason to start afresh; the twin that explains the pictures better is given back.
+
+    Raises
+    ------
+    Cancelled
+        If ``progress`` returns ``False``.
+    """
+    began = perf_counter()
+    cameras, masks = cropped(expected, cameras, masks)
+    # The matrices are small: threads of the linear algebra would wait for those of the splatter, and these for them.
+    with threadpool_limits(limits=1, user_api="blas"):
+        if not warm:
+            result, start = fit_views(expected, cameras, masks, callback=progress), "cold"
+            return BatchFit(result, start, perf_counter() - began)
+        still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
+        result, start = fit_views(expected, cameras, masks, changes=WARM, start=still, callback=progress), "warm"
+        pictures = Pictures(expected, cameras, masks)
+        if _astray(pictures, expected, result):
+            other = fit_views(expected, cameras, masks, callback=progress)
+            result = min((result, other), key=lambda found: _merit(pictures, expected, found))
+            start = "warm, then cold"
+    return BatchFit(result, start, perf_counter() - began)
+
+
+def _astray(pictures: Pictures, expected: Wireframe, result: FitResult) -> bool:
+    """Whether struts of the pictures are elsewhere than the twin's. Lost struts alone, which the pictures do not show
+    either, are no reason to start afresh."""
+    evidence = pictures.evidence(expected, result.twin)
+    return evidence.uncovered * int(expected.printed.sum()) > ASTRAY or evidence.contradicted > CONTRADICTED
+
+
+def _merit(pictures: Pictures, expected: Wireframe, result: FitResult) -> float:
+    """Least for the twin that explains the pictures best and with the fewest struts missing."""
+    missing = len(lost_struts(expected, result.twin)) / int(expected.printed.sum())
+    return pictures.evidence(expected, result.twin).mismatch + missing
+
+
+def cropped(
+    frame: Wireframe, cameras: Sequence[Camera], masks: Sequence[np.ndarray]
+) -> tuple[list[Camera], list[np.ndarray]]:
+    """Views cut to what is white in them and where the printed struts should be seen, with some room.
+
+    The pictures show all of the frame to be, and most of them are empty for most of the print.
+
+    Parameters
+    ----------
+    frame
+        What is printed of it counts.
+    cameras, masks
+        Cameras without distortion, and (H, W) masks of their sizes.
+    """
+    points = frame.control_points[frame.printed].reshape(-1, 3)
+    views = []
+    for camera, mask in zip(cameras, masks, strict=True):
+        pixels, depth = camera.project(points)
+        corners = [pixels[depth > 0.0].reshape(-1, 2)]
+        rows, columns = (np.flatnonzero((mask > 0.0).any(axis=axis)) for axis in (1, 0))
+        if len(rows):
+            corners.append(np.array([[columns[0], rows[0]], [columns[-1] + 1, rows[-1] + 1]], dtype=np.float64))
+        extent = np.concatenate(corners)
+        size = np.array([camera.width, camera.height])
+        low = np.clip(np.floor(extent.min(axis=0, initial=size.max())) - ROOM, 0, size - 1).astype(int)
+        high = np.clip(np.ceil(extent.max(axis=0, initial=0.0)) + ROOM, low + 1, size).astype(int)
+        (left, top), (right, bottom) = low.tolist(), high.tolist()
+        part = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
+        views.append((part, np.ascontiguousarray(mask[top:bottom, left:right])))
+    return [part for part, _ in views], [mask for _, mask in views]

@@ -1,0 +1,1 @@
+"""A print job: a folder that is planned once and answers each batch's pictures."""

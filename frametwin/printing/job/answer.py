@@ -1,0 +1,334 @@
+"""The answer to a batch: what stands, and how the print goes on."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from frametwin.cameras import Camera
+from frametwin.errors import InputError
+from frametwin.files import PathLike, write_json
+from frametwin.fitting.api import FitResult, write_run
+from frametwin.formats import frame_json
+from frametwin.geometry.displacement import largest_deviation
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.adapt import adapt, lost_struts
+from frametwin.printing.adaptation.batch_fit import BatchFit, cropped, fit_batch
+from frametwin.printing.adaptation.compensation import SagForecast, compensate
+from frametwin.printing.adaptation.evidence import Evidence, Pictures
+from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.adaptation.plate import feet_on_plate
+from frametwin.printing.job import guards
+from frametwin.printing.job import job_files as files
+from frametwin.printing.job.batch_capture import BatchCapture, take_capture
+from frametwin.printing.job.guards import Doubt, Expectation, hold
+from frametwin.printing.job.job_files import JobSettings
+from frametwin.printing.job.next_batch import NextBatch
+from frametwin.printing.job.requeue import laid_again
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.records.sequence_file import write_sequence
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.twin.findings import missing_struts, uncertain_struts
+
+ACCEPTABLE = (*guards.KINDS, "contact")
+"""What can be accepted by name."""
+
+
+ASTRAY = ("collapsed", "poor-fit", "displacement")
+"""Doubts that pictures of a later batch raise as well, as twins of fewer struts than are seen go anywhere."""
+
+
+@dataclass(frozen=True)
+class AnswerOptions:
+    """What is wanted of one answer.
+
+    Attributes
+    ----------
+    accept
+        Kinds of doubts (`frametwin.printing.job.guards.KINDS`) that shall not stop the job this time; ``"contact"``
+        lets the next waypoints touch printed struts where there is no other way.
+    reprint
+        Lay lost struts again; ``None`` as the job's settings say.
+    warm
+        Start the fit from the last twin; a matter of speed alone.
+    fit
+        Find the twin although the job does not adapt.
+    notes
+        Further JSON files for the batch's folder, by name.
+
+    Raises
+    ------
+    InputError
+        If a kind is unknown.
+    """
+
+    accept: frozenset[str] = frozenset()
+    reprint: bool | None = None
+    warm: bool = True
+    fit: bool = False
+    notes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        unknown = sorted(set(self.accept) - set(ACCEPTABLE))
+        if unknown:
+            remedy = f"give one of {', '.join(ACCEPTABLE)}"
+            raise InputError.at("settings", "accept", f"{unknown[0]!r} is nothing that a job stops for", remedy)
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Where a job stands when a batch is answered.
+
+    Attributes
+    ----------
+    design, settings
+        Of the job.
+    expected
+        What the cameras should see.
+    earlier
+        Hashes of the pictures of each batch before.
+    before
+        (V, 3) mm where the joints were when the batch began, and where new ones were to be laid.
+    forecast
+        Of how the print drifts, where the job compensates.
+    seen
+        How far joints drifted in the batches before: in all of them where the job compensates, else in the last ones.
+    """
+
+    design: Wireframe
+    settings: JobSettings
+    expected: Expectation
+    earlier: Mapping[int, Mapping[str, str]]
+    before: np.ndarray
+    forecast: SagForecast | None = None
+    seen: Sequence[Observation] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class GoingOn:
+    """How the print goes on.
+
+    Attributes
+    ----------
+    adapted
+        The plan for what follows, ``printed`` marking what stands.
+    sequence
+        In which order.
+    again
+        Struts that are laid once more, at the start of the next batch.
+    seen
+        How far joints drifted in this batch and in those before; nothing where the job does not adapt.
+    """
+
+    adapted: Wireframe
+    sequence: PrintSequence
+    again: np.ndarray
+    seen: Sequence[Observation] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """The twin of a batch, the plan that meets it, and how well the pictures bear it out."""
+
+    cameras: Sequence[Camera]
+    masks: Sequence[np.ndarray]
+    fit: BatchFit
+    adapted: Wireframe
+    evidence: Evidence
+    seconds: Mapping[str, float]
+
+
+def answer_batch(
+    stage: Path,
+    step: Step,
+    capture: PathLike | None,
+    options: AnswerOptions,
+    progress: ProgressCallback | None = None,
+) -> NextBatch | None:
+    """Write everything of an answer into a folder that exists and is empty.
+
+    Returns
+    -------
+    What is printed next; ``None`` when the print is finished.
+
+    Raises
+    ------
+    Held
+        See `frametwin.printing.job.job.Job.answer`.
+    InputError
+        If the capture is missing or cannot be used.
+    """
+    began = perf_counter()
+    wanted = step.settings.adapt or options.fit
+    if capture is None and wanted:
+        raise InputError.at("settings", "capture", "is missing", "give the pictures taken after the batch")
+    taken = found = None
+    doubts: list[Doubt] = []
+    if capture is not None:
+        report(progress, Progress("copying pictures", 0, 1))
+        taken = take_capture(capture, stage / files.CAPTURE, step.expected.frame)
+        if step.settings.adapt:
+            doubts = guards.doubts_of_capture(taken, step.expected, step.earlier, step.settings.limits)
+            hold(capture, doubts, options.accept)
+        found = _find(taken, step, options, progress) if wanted else None
+    going = _going_on(step, found, options)
+    if found is not None and step.settings.adapt:
+        doubts += _doubts(step, found, going)
+        hold(str(capture), doubts, options.accept)
+    _write(stage, step, taken, found, going)
+    for name, note in options.notes.items():
+        write_json(stage / name, note)
+    content = {
+        **_capture_content(taken),
+        **_plan_content(step, going),
+        **({} if found is None else _twin_content(step, found)),
+        "accepted": [dataclasses.asdict(doubt) for doubt in doubts],
+        "contact": "contact" in options.accept,
+    }
+    seconds = {**({} if found is None else found.seconds), "total": perf_counter() - began}
+    files.write_report(stage, {**content, "seconds": seconds})
+    following = step.expected.batch + 1
+    if following >= going.sequence.batch_count:
+        return None
+    contact = bool(content["contact"])
+    return NextBatch.after(going.adapted, going.sequence, following, going.seen, step.settings, contact)
+
+
+def _find(taken: BatchCapture, step: Step, options: AnswerOptions, progress: ProgressCallback | None) -> _Found:
+    """Read the pictures, find the twin, and move what is still to come."""
+    laps = [perf_counter()]
+    frame = step.expected.frame
+    whole = [view.camera.without_distortion() for view in taken.capture.views]
+    cameras, masks = cropped(frame, whole, taken.masks(progress))
+    laps.append(perf_counter())
+    fit = fit_batch(frame, cameras, masks, warm=options.warm, progress=progress)
+    result = _described(fit, taken)
+    laps.append(perf_counter())
+    adapted = adapt(frame, result.twin, result.field)
+    laps.append(perf_counter())
+    following = step.expected.next_struts
+    others = None if following is None else _struts_of(adapted, following.struts)
+    evidence = Pictures(frame, cameras, masks).evidence(frame, result.twin, others)
+    laps.append(perf_counter())
+    names = ("read", "twin", "adapt", "guards")
+    seconds = dict(zip(names, np.diff(laps).tolist(), strict=True))
+    return _Found(cameras, masks, dataclasses.replace(fit, result=result), adapted, evidence, seconds)
+
+
+def _described(fit: BatchFit, taken: BatchCapture) -> FitResult:
+    """The result with a provenance that can be written and tells of the job's fit."""
+    twin = fit.result.twin
+    provenance = {
+        **{key: value for key, value in twin.provenance.items() if key != "changes"},
+        "start": fit.start,
+        "inputs": dict(taken.hashes),
+    }
+    timing = {**twin.timing, "total": fit.seconds}
+    return FitResult(dataclasses.replace(twin, timing=timing, provenance=provenance, source="twin"), fit.result.field)
+
+
+def _struts_of(frame: Wireframe, struts: np.ndarray) -> Wireframe:
+    mask = np.zeros(frame.strut_count, dtype=bool)
+    mask[struts] = True
+    return frame.subset(mask)[0]
+
+
+def _going_on(step: Step, found: _Found | None, options: AnswerOptions) -> GoingOn:
+    sequence, batch = step.expected.sequence, step.expected.batch
+    none = np.zeros(0, dtype=np.int64)
+    if found is None or not step.settings.adapt:
+        return GoingOn(step.expected.frame, sequence, none)
+    again = none
+    if step.settings.reprint if options.reprint is None else options.reprint:
+        again = np.setdiff1d(sequence.struts[sequence.batch <= batch], np.flatnonzero(found.adapted.printed))
+        sequence = laid_again(sequence, again, batch)
+    frame, laid = step.expected.frame, len(step.expected.laid)
+    seen = (*step.seen, Observation.of(batch, frame, found.fit.result.twin, before=step.before, struts=laid))
+    adapted = _compensated(step, found, seen)
+    # Where a strut is to be laid again from the plate, the plate has not moved.
+    return GoingOn(feet_on_plate(adapted, step.design, ~adapted.printed_vertices()), sequence, again, seen)
+
+
+def _compensated(step: Step, found: _Found, seen: Sequence[Observation]) -> Wireframe:
+    """The adapted plan, what is still to come being aimed against the sag still to come where that is wanted."""
+    if step.forecast is None:
+        return found.adapted
+    known = [one for one in seen if one.batch < len(step.forecast.drift)]  # struts may be laid again in one more
+    return compensate(found.adapted, step.design, step.forecast.to_come(known, step.expected.batch + 1))
+
+
+def _doubts(step: Step, found: _Found, going: GoingOn) -> list[Doubt]:
+    expected, limits, twin = step.expected, step.settings.limits, found.fit.result.twin
+    doubts = guards.doubts_of_twin(expected, twin, found.adapted, found.evidence, limits)
+    if any(doubt.kind in ASTRAY for doubt in doubts) and _shows_next_batch(step, found):
+        return [guards.too_early(expected)]
+    if expected.batch + 1 < going.sequence.batch_count:
+        doubts += guards.doubts_of_starts(going.adapted, twin, going.sequence, expected.batch + 1, limits)
+    return doubts
+
+
+def _shows_next_batch(step: Step, found: _Found) -> bool:
+    """Whether the pictures are well explained by a print in which the next batch has been laid too."""
+    following, limits = step.expected.next_struts, step.settings.limits
+    if following is None:
+        return False
+    printed = step.expected.frame.printed.copy()
+    printed[following.struts] = True
+    later = step.expected.frame.replace(printed=printed)
+    twin = fit_batch(later, found.cameras, found.masks).result.twin
+    absent = np.isin(following.struts, lost_struts(later, twin)).mean()
+    mismatch = Pictures(later, found.cameras, found.masks).evidence(later, twin).mismatch
+    return bool(absent < limits.elsewhere and mismatch < min(limits.mismatch, found.evidence.mismatch))
+
+
+def _write(stage: Path, step: Step, taken: BatchCapture | None, found: _Found | None, going: GoingOn) -> None:
+    if taken is not None and found is not None:
+        write_run(stage / files.RUN, found.fit.result, taken.capture)
+    frame_json.write(stage / files.ADAPTED, going.adapted)
+    if going.sequence is not step.expected.sequence:
+        write_sequence(stage / files.SEQUENCE, going.sequence)
+
+
+def _capture_content(taken: BatchCapture | None) -> dict[str, Any]:
+    if taken is None:
+        return {"capture": None, "pictures": {}}
+    return {"capture": str(taken.source), "pictures": taken.pictures}
+
+
+def _plan_content(step: Step, going: GoingOn) -> dict[str, Any]:
+    """What was printed, what stands, and how far the plan is from the design; mm."""
+    batch, frame, adapted = step.expected.batch, step.expected.frame, going.adapted
+    standing = adapted.printed
+    lost = step.expected.sequence.laid_before(batch + 1, frame.strut_count) & ~standing
+    moved = np.flatnonzero((adapted.control_points != frame.control_points).any(axis=(1, 2)) & ~standing)
+    return {
+        "batch": batch,
+        "adapted": step.settings.adapt,
+        "laid": step.expected.laid,
+        "standing": int(standing.sum()),
+        "lost": np.flatnonzero(lost),
+        "again": going.again,
+        "moved": moved,
+        "e_max": largest_deviation(step.design.control_points[standing], adapted.control_points[standing]),
+    }
+
+
+def _twin_content(step: Step, found: _Found) -> dict[str, Any]:
+    twin, frame = found.fit.result.twin, step.expected.frame
+    printed = frame.printed
+    return {
+        "twin": {
+            "start": found.fit.start,
+            "mismatch": found.evidence.mismatch,
+            "missing": missing_struts(twin, printed),
+            "uncertain": uncertain_struts(twin, printed),
+            "largest_displacement": largest_deviation(frame.control_points[printed], twin.control_points[printed]),
+            "timing": dict(twin.timing),
+        }
+    }

@@ -1,0 +1,336 @@
+"""A print job: a folder that goes from batch to batch, and on from wherever it was stopped.
+
+Whatever belongs to one step is written beside its place and put there by renaming; ``report.json`` comes last and makes
+the batch an answered one. What a process that was killed has left is hidden and swept by the next one, and where it was
+killed between the answer and the next batch's files, these are made again from the answer.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from frametwin.errors import FrameTwinError, InputError
+from frametwin.files import PathLike, read_json, staged_directory, write_json
+from frametwin.formats import frame_json
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.anticipation import HISTORY, Anticipation
+from frametwin.printing.adaptation.compensation import SagForecast
+from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.adaptation.plate import feet_on_plate
+from frametwin.printing.job import job_files as files
+from frametwin.printing.job.answer import AnswerOptions, Step, answer_batch
+from frametwin.printing.job.guards import Expectation
+from frametwin.printing.job.job_files import JobFile, JobSettings
+from frametwin.printing.job.next_batch import NextBatch, write_batch
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.records.sequence_file import read_sequence, write_sequence
+from frametwin.printing.toolpath.robot_files import SUMMARY
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.twin.runs import load_run
+
+
+class Busy(FrameTwinError):
+    """Another process is answering the job."""
+
+
+@dataclass(frozen=True)
+class BatchState:
+    """How far a batch is.
+
+    Attributes
+    ----------
+    batch
+        Its number.
+    struts
+        How many are laid in it.
+    state
+        ``"answered"``, ``"current"`` (its waypoints are there, its pictures are awaited) or ``"to come"``.
+    report
+        Of an answered batch.
+    """
+
+    batch: int
+    struts: int
+    state: str
+    report: Mapping[str, Any] | None
+
+
+class Job:
+    """A print job on disk.
+
+    Parameters
+    ----------
+    folder
+        As made by `Job.create`.
+
+    Raises
+    ------
+    InputError
+        If it is no job, or damaged.
+    """
+
+    def __init__(self, folder: PathLike) -> None:
+        self.folder = Path(folder)
+        self.file: JobFile = files.read_job_file(self.folder)
+        self.design: Wireframe = frame_json.read(self.folder / files.DESIGN)
+        self._first_sequence: PrintSequence = read_sequence(self.folder / files.SEQUENCE)
+        self._first_sequence.end_in(self.design)
+
+    @classmethod
+    def create(
+        cls,
+        folder: PathLike,
+        design: Wireframe,
+        sequence: PrintSequence,
+        settings: JobSettings,
+        notes: Mapping[str, Mapping[str, Any]] | None = None,
+        overwrite: bool = False,
+    ) -> Job:
+        """Write a new job with the waypoints of its first batch, whole or not at all; ``notes`` are more files by name.
+
+        Raises
+        ------
+        InputError
+            If the folder holds something already, the sequence is not one of the design, or a waypoint lies where the
+            robot may not go.
+        """
+        sequence.end_in(design)
+        plan = design.replace(printed=[False] * design.strut_count)
+        with staged_directory(folder, overwrite) as stage:
+            frame_json.write(stage / files.DESIGN, plan.replace(printed=[True] * design.strut_count))
+            write_sequence(stage / files.SEQUENCE, sequence)
+            files.write_job_file(stage, design.name, design.strut_count, sequence.batch_count, settings)
+            for name, note in (notes or {}).items():
+                write_json(stage / name, note)
+            first = _batch_folder(stage, 0)
+            first.mkdir(parents=True)
+            write_batch(first, NextBatch(0, plan, sequence), settings, design)
+        return cls(folder)
+
+    @property
+    def settings(self) -> JobSettings:
+        """What the job is to do."""
+        return self.file.settings
+
+    # --- what is there
+
+    def batch_folder(self, batch: int) -> Path:
+        """Where a batch is kept."""
+        return _batch_folder(self.folder, batch)
+
+    def is_answered(self, batch: int) -> bool:
+        """Whether the batch has been answered."""
+        return (self.batch_folder(batch) / files.REPORT).is_file()
+
+    @property
+    def answered(self) -> int:
+        """How many batches have been answered: all below this number."""
+        batch = 0
+        while self.is_answered(batch):
+            batch += 1
+        return batch
+
+    @property
+    def sequence(self) -> PrintSequence:
+        """The sequence as it goes on now."""
+        return self.sequence_at(self.answered)
+
+    def sequence_at(self, batch: int) -> PrintSequence:
+        """The sequence by which a batch is printed: the first one, or that of the last answer that changed it."""
+        for earlier in range(batch - 1, -1, -1):
+            path = self.batch_folder(earlier) / files.SEQUENCE
+            if path.is_file():
+                return read_sequence(path)
+        return self._first_sequence
+
+    @property
+    def current(self) -> int | None:
+        """The batch that is to be printed and answered next; ``None`` when the print is finished."""
+        batch = self.answered
+        return batch if batch < self.sequence_at(batch).batch_count else None
+
+    def plan(self, batch: int) -> Wireframe:
+        """The plan that the robot follows in a batch, ``printed`` marking what stands before."""
+        return frame_json.read(self.batch_folder(batch) / files.PLAN)
+
+    def anticipation(self, batch: int) -> Anticipation:
+        """How the print is expected to move while a batch is laid, and so where the robot lays its struts."""
+        rate = files.read_drift(self.batch_folder(batch), self.design.vertex_count)
+        return Anticipation.of(self.plan(batch), self.sequence_at(batch).in_batch(batch), rate)
+
+    def adapted(self, batch: int) -> Wireframe:
+        """The plan after a batch was answered, ``printed`` marking what stands."""
+        return frame_json.read(self.batch_folder(batch) / files.ADAPTED)
+
+    def report(self, batch: int) -> dict[str, Any]:
+        """The report of an answered batch."""
+        return files.read_report(self.batch_folder(batch))
+
+    def waypoint_summary(self, batch: int) -> dict[str, Any]:
+        """What the robot was told for a batch; see `frametwin.printing.toolpath.robot_files.write_robot_files`."""
+        return read_json(self.batch_folder(batch) / files.WAYPOINTS / SUMMARY)
+
+    def expectation(self, batch: int) -> Expectation:
+        """What the cameras should see after a batch has been printed."""
+        return self._expectation(batch, self.anticipation(batch))
+
+    def _expectation(self, batch: int, ahead: Anticipation) -> Expectation:
+        printed = ahead.plan.printed.copy()
+        printed[ahead.laying.struts] = True
+        soon = ahead.frame(len(ahead.laying)).replace(printed=printed)
+        return Expectation(batch, self.sequence_at(batch), feet_on_plate(soon, self.design, soon.printed_vertices()))
+
+    def states(self) -> list[BatchState]:
+        """All batches, those of the sequence as it goes on now."""
+        answered, sequence = self.answered, self.sequence
+        result = []
+        for batch in range(sequence.batch_count):
+            struts = len(self.sequence_at(batch).in_batch(batch)) if batch < answered else 0
+            struts = struts or len(sequence.in_batch(batch))
+            state = "answered" if batch < answered else "current" if batch == answered else "to come"
+            result.append(BatchState(batch, struts, state, self.report(batch) if batch < answered else None))
+        return result
+
+    # --- going on
+
+    def answer(
+        self,
+        capture: PathLike | None = None,
+        options: AnswerOptions | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> dict[str, Any]:
+        """Answer the current batch: find the twin, move what is still to come, write the next batch's waypoints.
+
+        Parameters
+        ----------
+        capture
+            Folder of the pictures taken after the batch: ``transforms.json`` and the pictures it names. Can be left out
+            where the job does not adapt.
+        options
+            See `AnswerOptions`.
+        progress
+            See `ProgressCallback`.
+
+        Returns
+        -------
+        The report, as it is written to ``report.json``.
+
+        Raises
+        ------
+        Held
+            If the pictures, or the twin found from them, are not such that one may print on; the job is as it was.
+        InputError
+            If the capture cannot be used, or the print is finished.
+        Busy
+            If another process is at it.
+        Cancelled
+            If ``progress`` returns ``False``; the job is as it was.
+        """
+        with self._locked():
+            self._settle()
+            batch = self.current
+            if batch is None:
+                raise InputError.at(self.folder, "job", "is finished", "plan another job to print on")
+            stage, following = self._stage(batch), self._stage(batch + 1)
+            try:
+                stage.mkdir()
+                going = answer_batch(stage, self._step(batch), capture, options or AnswerOptions(), progress)
+                if going is not None:
+                    following.mkdir()
+                    write_batch(following, going, self.settings, self.design)
+                report(progress, Progress("writing", 1, 1))  # the last moment at which nothing is done yet
+                self._commit(batch, stage, following)
+            except BaseException:
+                for folder in (stage, following):
+                    shutil.rmtree(folder, ignore_errors=True)
+                raise
+        return self.report(batch)
+
+    def settle(self) -> None:
+        """Finish what a process that was killed has left undone; does nothing while another one is at it."""
+        with suppress(Busy, OSError), self._locked():
+            self._settle()
+
+    def _step(self, batch: int) -> Step:
+        earlier = {k: self.report(k)["pictures"] for k in range(batch)}
+        compensates, ahead = self.settings.adapt and self.settings.compensate, self.anticipation(batch)
+        return Step(
+            self.design,
+            self.settings,
+            self._expectation(batch, ahead),
+            earlier,
+            before=ahead.plan.vertices,
+            forecast=self._forecast if compensates else None,
+            seen=self._seen_before(batch, batch if compensates else HISTORY),
+        )
+
+    @cached_property
+    def _forecast(self) -> SagForecast:
+        return SagForecast.build(self.design, self._first_sequence)
+
+    def _seen_before(self, batch: int, most: int) -> list[Observation]:
+        """How far joints drifted in the last batches that have been answered."""
+        if not (self.settings.anticipate or self.settings.compensate):
+            return []
+        return [self._observation(k) for k in range(max(0, batch - most), batch)]
+
+    def _observation(self, batch: int) -> Observation:
+        twin, plan = load_run(self.batch_folder(batch) / files.RUN)
+        laid = len(self.sequence_at(batch).in_batch(batch))
+        return Observation.of(batch, plan, twin, before=self.plan(batch).vertices, struts=laid)
+
+    def _stage(self, batch: int) -> Path:
+        return self.folder / files.BATCHES / f".{batch:03d}.part"
+
+    def _commit(self, batch: int, stage: Path, following: Path) -> None:
+        """Put the answer into place, its report last, and then the next batch."""
+        target = self.batch_folder(batch)
+        for item in sorted(stage.iterdir(), key=lambda path: path.name == files.REPORT):
+            place = target / item.name
+            if place.is_dir():  # left by a process that was killed before the report
+                shutil.rmtree(place)
+            os.replace(item, place)
+        stage.rmdir()
+        if following.is_dir():
+            os.rename(following, self.batch_folder(batch + 1))
+
+    def _settle(self) -> None:
+        """Sweep what a killed process has left, and make the current batch's files if it did not come to that."""
+        for rest in (self.folder / files.BATCHES).glob(".*.part"):
+            shutil.rmtree(rest)
+        batch = self.current
+        if batch is None or self.batch_folder(batch).is_dir():
+            return
+        stage = self._stage(batch)
+        stage.mkdir()
+        contact = bool(self.report(batch - 1)["contact"])
+        adapted, sequence = self.adapted(batch - 1), self.sequence_at(batch)
+        going = NextBatch.after(adapted, sequence, batch, self._seen_before(batch, HISTORY), self.settings, contact)
+        write_batch(stage, going, self.settings, self.design)
+        os.rename(stage, self.batch_folder(batch))
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Keep other processes out; the lock dies with the process."""
+        try:
+            with self._lock.acquire(timeout=0):
+                yield
+        except Timeout as error:
+            raise Busy(f"{self.folder}: another process is answering this job; wait for it, or end it.") from error
+
+    @cached_property
+    def _lock(self) -> FileLock:
+        return FileLock(self.folder / files.LOCK)
+
+
+def _batch_folder(folder: Path, batch: int) -> Path:
+    return folder / files.BATCHES / f"{batch:03d}"

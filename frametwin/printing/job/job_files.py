@@ -1,0 +1,235 @@
+"""Where a print job keeps what: names, settings and reports.
+
+::
+
+    JOB/
+      job.json          settings, and hashes of the two files below
+      design.json       the frame as designed; never changes
+      sequence.json     the order of its struts
+      batches/003/
+        plan.json       the plan that the robot follows, with what was printed before; written with
+        drift.json      how the print is expected to move meanwhile, if it does, and
+        waypoints/      what the robot is told
+        capture/        a copy of the pictures taken afterwards; written with
+        run/            the twin and its field, relative to the plan,
+        adapted.json    the plan for what follows,
+        sequence.json   the order in which it goes on, where struts are laid again, and
+        report.json     which says that the batch has been answered
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frametwin import __version__
+from frametwin.arrays import checked_array
+from frametwin.checked_json import convert_fields
+from frametwin.errors import InputError
+from frametwin.files import PathLike, check_format, read_json, write_json
+from frametwin.printing.job.guards import GuardLimits
+from frametwin.printing.toolpath.robot_files import RobotSettings
+
+FORMAT = "frametwin-print-job"
+REPORT_FORMAT = "frametwin-print-report"
+DRIFT_FORMAT = "frametwin-print-drift"
+VERSION = 1
+
+JOB, DESIGN, SEQUENCE = "job.json", "design.json", "sequence.json"
+BATCHES = "batches"
+PLAN, DRIFT, WAYPOINTS = "plan.json", "drift.json", "waypoints"
+CAPTURE, RUN, ADAPTED, REPORT = "capture", "run", "adapted.json", "report.json"
+LOCK = ".lock"
+
+
+@dataclass(frozen=True)
+class JobSettings:
+    """What a job is to do; kept in ``job.json``.
+
+    Attributes
+    ----------
+    robot
+        What the robot is told, with which tool, and where it may go.
+    adapt
+        Move what is still to be printed to meet the twin; without, the plan stays the design.
+    anticipate
+        Aim at where the joints will be when the next struts are laid, by how they have moved; without, at where the
+        last twin saw them.
+    compensate
+        Print against the sag that is still to come.
+    reprint
+        Lay lost struts again at the start of the next batch.
+    limits
+        When the job stops.
+
+    Raises
+    ------
+    InputError
+        If something is wanted that only a job which adapts can do.
+    """
+
+    robot: RobotSettings
+    adapt: bool = True
+    anticipate: bool = False
+    compensate: bool = False
+    reprint: bool = False
+    limits: GuardLimits = field(default_factory=GuardLimits)
+
+    def __post_init__(self) -> None:
+        for name in ("anticipate", "compensate", "reprint"):
+            if getattr(self, name) and not self.adapt:
+                raise InputError.at("settings", name, "needs twins to go by", "let the job adapt, or leave it out")
+
+    def as_dict(self) -> dict[str, Any]:
+        """As for a JSON file."""
+        own = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {**own, "robot": self.robot.as_dict(), "limits": dataclasses.asdict(self.limits)}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str) -> JobSettings:
+        """Settings out of a JSON file.
+
+        Raises
+        ------
+        InputError
+            If a setting is missing, unknown or of another kind.
+        """
+        data = {"anticipate": False, **data}  # planned before there was that choice
+        missing = [item.name for item in fields(cls) if item.name not in data]
+        if missing:
+            raise InputError.at(source, f"settings.{missing[0]}", "is missing", "plan the job again")
+        if not isinstance(data["robot"], dict):
+            raise InputError.at(source, "settings.robot", "is no object", "plan the job again")
+        own = {key: value for key, value in data.items() if key != "robot"}
+        return cls(RobotSettings.from_dict(data["robot"], source), **convert_fields(cls, own, source))
+
+
+@dataclass(frozen=True)
+class JobFile:
+    """What ``job.json`` holds.
+
+    Attributes
+    ----------
+    name, struts
+        Of the design.
+    batches
+        As first planned.
+    settings
+        See `JobSettings`.
+    hashes
+        SHA-256 of ``design.json`` and ``sequence.json``.
+    """
+
+    name: str
+    struts: int
+    batches: int
+    settings: JobSettings
+    hashes: Mapping[str, str]
+
+
+def write_job_file(folder: Path, name: str, struts: int, batches: int, settings: JobSettings) -> None:
+    """Write ``job.json`` beside the design and the sequence, which are there."""
+    write_json(
+        folder / JOB,
+        {
+            "format": FORMAT,
+            "version": VERSION,
+            "frametwin": __version__,
+            "name": name,
+            "struts": struts,
+            "batches": batches,
+            "hashes": {file: file_hash(folder / file) for file in (DESIGN, SEQUENCE)},
+            "settings": settings.as_dict(),
+        },
+    )
+
+
+def read_job_file(folder: Path) -> JobFile:
+    """Read ``job.json`` and check that design and sequence are those that it was written for.
+
+    Raises
+    ------
+    InputError
+        If there is none, it is damaged, or one of the others was changed.
+    """
+    if not folder.is_dir():
+        raise InputError.at(folder, "folder", "there is no such folder", "give a job: see frametwin print plan")
+    path = folder / JOB
+    if not path.is_file():
+        remedy = "give the folder of a job, or plan one by frametwin print plan"
+        raise InputError.at(folder, "folder", f"is no print job (there is no {JOB})", remedy)
+    data = read_json(path)
+    check_format(data, path, FORMAT, VERSION)
+    kinds = {"name": str, "struts": int, "batches": int, "hashes": dict, "settings": dict}
+    for key, kind in kinds.items():
+        if type(data.get(key)) is not kind:
+            raise InputError.at(path, key, "is missing or of another kind", "plan the job again")
+    for file, digest in data["hashes"].items():
+        if file not in (DESIGN, SEQUENCE) or file_hash(folder / file) != digest:
+            remedy = "put the file back as it was, or plan another job"
+            raise InputError.at(folder / file, "file", "is not the one that the job was planned with", remedy)
+    settings = JobSettings.from_dict(data["settings"], str(path))
+    return JobFile(data["name"], data["struts"], data["batches"], settings, data["hashes"])
+
+
+def file_hash(path: PathLike) -> str:
+    """SHA-256 of a file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError.at(path, "file", f"cannot be read ({error.strerror})", "put the file back") from error
+
+
+def write_report(folder: Path, report: Mapping[str, Any]) -> None:
+    """Write ``report.json`` of a batch."""
+    write_json(folder / REPORT, {"format": REPORT_FORMAT, "version": VERSION, "frametwin": __version__, **report})
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """Read ``report.json`` of a batch that has been answered.
+
+    Raises
+    ------
+    InputError
+        If it is missing or damaged.
+    """
+    path = folder / REPORT
+    data = read_json(path)
+    check_format(data, path, REPORT_FORMAT, VERSION)
+    for key in ("batch", "pictures", "lost", "seconds"):
+        if key not in data:
+            raise InputError.at(path, key, "is missing", "put the file back as it was")
+    return data
+
+
+def write_drift(folder: Path, rate: np.ndarray) -> None:
+    """Write ``drift.json`` of a batch: (V, 3) mm for each strut that is laid."""
+    write_json(folder / DRIFT, {"format": DRIFT_FORMAT, "version": VERSION, "rate": rate})
+
+
+def read_drift(folder: Path, vertices: int) -> np.ndarray | None:
+    """Read ``drift.json`` of a batch of a frame with so many vertices; ``None`` if it has none.
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
+    path = folder / DRIFT
+    if not path.is_file():
+        return None
+    data = read_json(path)
+    check_format(data, path, DRIFT_FORMAT, VERSION)
+    return checked_array(data.get("rate"), "f", (vertices, 3), str(path), "rate")

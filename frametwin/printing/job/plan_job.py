@@ -1,0 +1,195 @@
+"""From a frame to a print job: the order, the tool, the workspace, and the waypoints of the first batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from frametwin.errors import InputError
+from frametwin.files import PathLike
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.job.guards import GuardLimits
+from frametwin.printing.job.job import Job
+from frametwin.printing.job.job_files import JobSettings
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
+from frametwin.printing.sequencing.nozzle import Nozzle
+from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
+from frametwin.printing.toolpath.robot_files import RobotSettings
+from frametwin.printing.toolpath.waypoints import WaypointSettings
+from frametwin.printing.toolpath.workspace import Workspace
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.twin.runs import require_free
+
+Matrix = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What is wanted of a job; numbers and names only.
+
+    Attributes
+    ----------
+    batch_size
+        Struts between two looks of the cameras, about; ``None`` for a twentieth of all, from 4 to 12.
+    max_tilt_deg
+        How far the tool may lean; 0 for machines of three axes.
+    allow_contact
+        Where there is no other way, let the tool touch what is printed.
+    nozzle
+        Sizes of the tool by the names of `Nozzle`, in mm; the others suit the frame.
+    waypoints
+        Settings of `WaypointSettings` by name.
+    formats
+        Of `frametwin.printing.toolpath.robot_files.FORMATS`.
+    workspace
+        Lower and upper corner of where the tool's tip may go, in mm in the robot's base; ``None`` for a box around the
+        frame, as wide as that is long on every side and above.
+    base
+        4 by 4 rigid transform from the frame's coordinates to the robot's base; ``None`` for none.
+    max_speed
+        Of the tip in mm/s.
+    ur10e_tool
+        See `frametwin.printing.toolpath.robot_files.RobotSettings`.
+    adapt, anticipate, compensate, reprint
+        See `JobSettings`; a job that does not adapt does not anticipate either.
+    limits
+        When the job stops.
+    seed
+        Of the search for an order.
+    """
+
+    batch_size: int | None = None
+    max_tilt_deg: float = 60.0
+    allow_contact: bool = False
+    nozzle: dict[str, Any] = field(default_factory=dict)
+    waypoints: dict[str, Any] = field(default_factory=dict)
+    formats: tuple[str, ...] = ("json", "urscript", "gcode")
+    workspace: tuple[float, float, float, float, float, float] | None = None
+    base: Matrix | None = None
+    max_speed: float = 250.0
+    ur10e_tool: float | None = None
+    adapt: bool = True
+    anticipate: bool = True
+    compensate: bool = False
+    reprint: bool = False
+    limits: GuardLimits = GuardLimits()
+    seed: int = 0
+
+    def order(self, frame: Wireframe) -> OrderSettings:
+        """Settings of the search for an order."""
+        unknown = sorted(set(self.nozzle) - set(Nozzle.__dataclass_fields__))
+        if unknown:
+            remedy = f"give one of {', '.join(Nozzle.__dataclass_fields__)}"
+            raise InputError.at("settings", f"nozzle.{unknown[0]}", "is no size of a nozzle", remedy)
+        return OrderSettings(
+            nozzle=Nozzle.fitting(frame, **self.nozzle),
+            max_tilt_deg=self.max_tilt_deg,
+            batch_size=self.batch_size,
+            allow_contact=self.allow_contact,
+            seed=self.seed,
+        )
+
+    def job(self, frame: Wireframe) -> JobSettings:
+        """Settings of the job."""
+        unknown = sorted(set(self.waypoints) - set(WaypointSettings.__dataclass_fields__))
+        if unknown:
+            remedy = f"give one of {', '.join(WaypointSettings.__dataclass_fields__)}"
+            raise InputError.at("settings", f"waypoints.{unknown[0]}", "is no setting of waypoints", remedy)
+        own = {
+            "nozzle": Nozzle.fitting(frame, **self.nozzle),
+            "max_tilt_deg": self.max_tilt_deg,
+            "allow_contact": self.allow_contact,
+        }
+        waypoints = WaypointSettings(**{**own, **self.waypoints})
+        return JobSettings(
+            robot=RobotSettings(self.place(frame), waypoints, tuple(self.formats), self.ur10e_tool),
+            adapt=self.adapt,
+            anticipate=self.adapt and self.anticipate,
+            compensate=self.compensate,
+            reprint=self.reprint,
+            limits=self.limits,
+        )
+
+    def place(self, frame: Wireframe) -> Workspace:
+        """Where the robot may go, in its own base."""
+        base = np.eye(4) if self.base is None else np.array(self.base, dtype=np.float64)
+        limits: dict[str, Any] = {"base": base, "max_speed": self.max_speed}
+        if self.workspace is not None:
+            return Workspace(np.array(self.workspace[:3]), np.array(self.workspace[3:]), **limits)
+        around = Workspace.around(frame)
+        if self.base is None:
+            return Workspace(around.lower, around.upper, **limits)
+        Workspace(around.lower, around.upper, **limits)  # refuses a transform that is not rigid
+        corners = np.array(list(product(*zip(around.lower, around.upper, strict=True))))
+        corners = corners @ base[:3, :3].T + base[:3, 3]
+        return Workspace(corners.min(axis=0), corners.max(axis=0), **limits)
+
+
+def plan_job(
+    folder: PathLike,
+    frame: Wireframe,
+    options: PlanOptions | None = None,
+    *,
+    order: PathLike | None = None,
+    overwrite: bool = False,
+    notes: Mapping[str, Mapping[str, Any]] | None = None,
+    progress: ProgressCallback | None = None,
+) -> Job:
+    """Plan a print and write its job.
+
+    Parameters
+    ----------
+    folder
+        The job to be.
+    frame
+        The design; what is marked as printed plays no part. The order of its batches, if it has more than one, is kept.
+    options
+        See `PlanOptions`.
+    order
+        A file with an order to keep; see `frametwin.printing.sequencing.given_order`.
+    overwrite
+        Replace a job that is in the folder.
+    notes
+        Further JSON files for the folder, by name.
+    progress
+        See `ProgressCallback`.
+
+    Raises
+    ------
+    InputError
+        If the frame cannot be printed, something is outside of the workspace, or the folder cannot be written.
+    """
+    options = PlanOptions() if options is None else options
+    require_free(folder, overwrite, "job.json")
+    settings = options.job(frame)  # refuses what is wrong before the search begins
+    sequence = plan_order(frame, options, order, progress)
+    report(progress, Progress("writing", 0, 1))
+    return Job.create(folder, frame, sequence, settings, notes, overwrite)
+
+
+def plan_order(
+    frame: Wireframe, options: PlanOptions, order: PathLike | None = None, progress: ProgressCallback | None = None
+) -> PrintSequence:
+    """The order in which a frame is printed: a given one, the frame's own batches, or one that is searched for.
+
+    The frame's own batches, which may be long layers, are cut into even parts of at most ``batch_size`` struts, or the
+    usual size; those of a file only where ``batch_size`` says so.
+    """
+    given: GivenOrder | None = order_of_frame(frame) if order is None else read_given_order(order, frame)
+    sequence = plan_sequence(frame, options.order(frame), given, progress)
+    if given is None or given.batch is None or (order is not None and options.batch_size is None):
+        return sequence
+    return cut_batches(sequence, options.order(frame).batch_size_for(frame))
+
+
+def cut_batches(sequence: PrintSequence, most: int) -> PrintSequence:
+    """The same order with batches of more than ``most`` struts cut into parts of nearly equal size."""
+    sizes = np.bincount(sequence.batch)
+    parts = [part for size in sizes for part in np.array_split(np.arange(size), -(-size // most))]
+    numbers = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    return replace(sequence, batch=numbers, source="sequence")

@@ -1,0 +1,41 @@
+"""Lost struts put into the order once more."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frametwin.errors import InputError
+from frametwin.printing.records.sequence import PrintSequence
+
+
+def laid_again(sequence: PrintSequence, struts: np.ndarray, batch: int) -> PrintSequence:
+    """The sequence with some struts taken to the start of the batch after ``batch``, or to one of their own at the end.
+
+    Parameters
+    ----------
+    sequence
+        The order.
+    struts
+        (N,) of the batches up to ``batch``; their own order and axes stay.
+    batch
+        The last one laid.
+
+    Raises
+    ------
+    InputError
+        If nothing of a batch would be left in its place: the print has collapsed.
+    """
+    if len(struts) == 0:
+        return sequence
+    chosen = np.isin(sequence.struts, struts)
+    left = np.unique(sequence.batch[~chosen & (sequence.batch <= batch)])
+    if len(left) != batch + 1:
+        empty = int(np.setdiff1d(np.arange(batch + 1), left)[0])
+        remedy = "clear the plate, and print from the start"
+        raise InputError.at("sequence", "batch", f"every strut of batch {empty} is lost", remedy)
+    before = np.flatnonzero(~chosen & (sequence.batch <= batch))
+    again, after = np.flatnonzero(chosen), np.flatnonzero(sequence.batch > batch)
+    order = np.concatenate([before, again, after])
+    numbers = np.array(sequence.batch)
+    numbers[again] = batch + 1
+    return PrintSequence(sequence.struts[order], sequence.start[order], sequence.axis[order], numbers[order])

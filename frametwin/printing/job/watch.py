@@ -1,0 +1,193 @@
+"""Answering capture folders as they appear."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from frametwin.errors import InputError
+from frametwin.files import PathLike, read_json
+from frametwin.printing.job.answer import AnswerOptions
+from frametwin.printing.job.job import Busy, Job
+from frametwin.progress import Progress, ProgressCallback, report
+
+POLL = 0.5
+"""Seconds between two looks. A folder counts as complete when nothing in it has changed from one look to the next."""
+
+Signature = tuple[tuple[str, int, int], ...]
+
+
+@dataclass(eq=False)
+class Watch:
+    """A look-out for captures of a job: every new folder of a folder, in the order of the names.
+
+    Attributes
+    ----------
+    job
+        The job.
+    captures
+        The folder in which capture folders appear.
+    options
+        Of every answer.
+    say
+        Told in words what is waited for, whenever that changes, and what was answered or refused.
+    progress
+        See `ProgressCallback`; called at every look, and able to stop the watch.
+    poll
+        Seconds between looks.
+    """
+
+    job: Job
+    captures: Path
+    options: AnswerOptions = field(default_factory=AnswerOptions)
+    say: Callable[[str], None] = lambda sentence: None
+    progress: ProgressCallback | None = None
+    poll: float = POLL
+
+    def __post_init__(self) -> None:
+        self._done: set[str] = set()  # folders that were answered, in this run or an earlier one
+        self._refused: dict[str, tuple[int, Signature]] = {}  # for which batch, and as they were then
+        self._seen: dict[str, Signature] = {}
+        self._said = ""
+
+    def run(self) -> list[dict[str, Any]]:
+        """Answer until the job is finished.
+
+        A folder that cannot be used, or with which the job holds, is told of and passed over until something in it
+        changes or its turn comes with another batch; nothing is printed on meanwhile.
+
+        Returns
+        -------
+        Reports of the batches that were answered.
+
+        Raises
+        ------
+        InputError
+            If the folder of captures does not exist, or is itself a capture.
+        Cancelled
+            If ``progress`` returns ``False``.
+        """
+        check_captures_folder(self.captures)
+        self.job.settle()
+        reports = []
+        while (batch := self.job.current) is not None:
+            total = self.job.sequence.batch_count
+            report(self.progress, Progress("waiting for pictures", batch, total))
+            found, why = self._next_capture(batch)
+            if found is None:
+                place = f"in {self.captures}" if not why else f"({why})"
+                self._tell(f"Waiting for the pictures of batch {batch} of {total} {place}.")
+                time.sleep(self.poll)
+                continue
+            answer = self._answer(found, batch)
+            if answer is not None:
+                reports.append(answer)
+        self._tell("The print is finished: all batches have been answered.")
+        return reports
+
+    def _answer(self, folder: Path, batch: int) -> dict[str, Any] | None:
+        signature = self._seen[folder.name]
+        try:
+            answer = self.job.answer(folder, self.options, self.progress)
+        except InputError as error:  # a held job among them
+            self._refused[folder.name] = (batch, signature)
+            self._tell(f"{error} Not printing on.")
+            return None
+        except Busy as error:
+            self._tell(str(error))
+            time.sleep(self.poll)
+            return None
+        self._done.add(folder.name)
+        self._tell(f"{folder.name} answers batch {answer['batch']}.")
+        return answer
+
+    def _next_capture(self, batch: int) -> tuple[Path | None, str]:
+        """The first folder that is complete and new, or why the first new one is not taken yet."""
+        why = ""
+        for folder in sorted(path for path in self.captures.iterdir() if path.is_dir()):
+            name = folder.name
+            if name.startswith(".") or name in self._done:
+                continue
+            missing, signature = _look(folder)
+            before, self._seen[name] = self._seen.get(name), signature
+            if missing:
+                why = why or f"{name} still lacks {missing}"
+            elif self._refused.get(name) == (batch, signature):
+                continue
+            elif before != signature:
+                why = why or f"{name} is still growing"
+            elif self._answered_before(folder):
+                self._done.add(name)
+            else:
+                return folder, ""
+        return None, why
+
+    def _answered_before(self, folder: Path) -> bool:
+        """Whether an earlier run has answered these very pictures."""
+        try:
+            digests = {hashlib.sha256(path.read_bytes()).hexdigest() for path in _pictures(folder)}
+        except OSError:
+            return False
+        earlier = [set(self.job.report(batch)["pictures"].values()) for batch in range(self.job.answered)]
+        return digests in earlier
+
+    def _tell(self, sentence: str) -> None:
+        if sentence != self._said:
+            self._said = sentence
+            self.say(sentence)
+
+
+def check_captures_folder(path: PathLike) -> None:
+    """Refuse a folder in which no captures can appear.
+
+    Raises
+    ------
+    InputError
+        If it does not exist, or is a capture itself.
+    """
+    folder = Path(path)
+    if not folder.is_dir():
+        raise InputError.at(folder, "folder", "does not exist", "make the folder into which captures are put")
+    if (folder / "transforms.json").is_file():
+        raise InputError.at(folder, "folder", "is itself a capture", "give the folder above it")
+
+
+def _look(folder: Path) -> tuple[str, Signature]:
+    """What a capture still lacks, empty for nothing, and the names, sizes and times of its files."""
+    try:
+        files = sorted(path for path in folder.rglob("*") if path.is_file())
+        stats = [(path.relative_to(folder).as_posix(), path.stat()) for path in files]
+        signature = tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)
+        if not (folder / "transforms.json").is_file():
+            return "transforms.json", signature
+        wanted = _pictures(folder)
+        if (folder / "background").is_dir():
+            wanted += [folder / "background" / _below_images(path.relative_to(folder)) for path in wanted]
+        lacking = [path for path in wanted if not path.is_file() or path.stat().st_size == 0]
+    except OSError:  # files come and go
+        return "files that stay", ()
+    except InputError:
+        return "a whole transforms.json", signature
+    return (lacking[0].relative_to(folder).as_posix() if lacking else ""), signature
+
+
+def _pictures(folder: Path) -> list[Path]:
+    """The pictures that ``transforms.json`` names.
+
+    Raises
+    ------
+    InputError
+        If the file is not whole.
+    """
+    frames = read_json(folder / "transforms.json").get("frames")
+    names = [frame.get("file_path") for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
+    return [folder / name for name in names if isinstance(name, str) and "\0" not in name]
+
+
+def _below_images(path: Path) -> Path:
+    """The name of a picture below the folder of pictures."""
+    return Path(*(path.parts[1:] or path.parts))

@@ -1,0 +1,1 @@
+"""How struts behave while they are printed: material, weight and hardening."""

@@ -1,0 +1,168 @@
+"""What a simulated print is made of: how fast struts flow when laid, how they harden, and what is left to chance.
+
+By the analogy of Stokes and Rayleigh, a slow viscous thread moves as fast as an elastic beam of the same section would
+be bent far (M. Bergou, B. Audoly et al., "Discrete viscous threads", ACM TOG 29(4), 2010), so the beams of
+`frametwin.mechanics.stiffness` serve with the inverse of the fluidity for Young's modulus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frametwin.errors import InputError
+from frametwin.mechanics.stiffness import PLA, Material
+
+
+@dataclass(frozen=True)
+class PrintSettings:
+    """How a print behaves. Nothing here knows whether the plan is adapted.
+
+    Attributes
+    ----------
+    sag
+        How far the finished print would sag, as a share of its extent, if every strut attached and nothing was
+        left to chance: the weight is scaled to that (`frametwin.printing.process.calibration`), so that frames of any
+        size can be printed. ``None`` takes the weight as ``material`` has it.
+    material
+        Of hardened struts.
+    flow
+        How much further a strut flows while it hardens than it would bend at once when hard. PLA above its glass
+        transition keeps about a thousandth of its stiffness.
+    hardening
+        Seconds after which a strut flows only 1/e times as fast as when it was laid.
+    rest
+        How fast a hardened strut still flows, as a share of the speed when it was laid: the heat of the print.
+    uneven
+        Standard deviation of the logarithm of how fast a strut flows, from strut to strut.
+    axial
+        Stiffness along a strut relative to that of its solid section: it is held by two beads that are squashed
+        and drawn out.
+    lean
+        Sideways pull as a share of the weight, in one direction for the whole print, drawn by the seed: what
+        the residual stresses of a nozzle that keeps coming from the same side add up to.
+    residual
+        The same for each strut alone, standard deviation along x and y (paper, Sec. I: changes of the printing
+        direction introduce unpredictable deformations).
+    placement
+        Standard deviation along each axis of where the nozzle really is, as a share of the bead.
+    bead
+        Diameter of the molten bead as a multiple of the strut's: further from the material, nothing sticks.
+    increments
+        Parts into which a batch is divided; the print sags after each, before the next is laid.
+    seconds
+        A strut takes a time drawn from between these (paper, Sec. VI.C: 36 to 44 s).
+    pause
+        Seconds from the last strut of a batch until the next batch begins: pictures and twin.
+    tear_angle, tear_stretch
+        A strut comes off if an end is bent against its chord by more degrees than this since it was laid, or
+        its chord grew or shrank by more than this share.
+    collapse_share
+        The print has collapsed when a larger share of the struts laid so far does not stand, or when fewer
+        struts stand after a batch than before it.
+    pieces
+        Straight beams along a bent strut.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
+    """
+
+    sag: float | None = 0.07
+    material: Material = PLA
+    flow: float = 1000.0
+    hardening: float = 600.0
+    rest: float = 0.1
+    uneven: float = 0.3
+    axial: float = 0.1
+    lean: float = 0.05
+    residual: float = 0.1
+    placement: float = 0.03
+    bead: float = 1.0
+    increments: int = 3
+    seconds: tuple[float, float] = (36.0, 44.0)
+    pause: float = 60.0
+    tear_angle: float = 45.0
+    tear_stretch: float = 0.25
+    collapse_share: float = 0.05
+    pieces: int = 2
+
+    def __post_init__(self) -> None:
+        above = ("flow", "hardening", "bead", "tear_angle", "tear_stretch")
+        least = ("rest", "uneven", "lean", "residual", "placement", "pause")
+        low, high = self.seconds
+        rules = (
+            ("sag", self.sag is None or 0.0 <= self.sag < 1.0, "give a share of 0 or more and below 1, or None"),
+            *((name, 0.0 < getattr(self, name) < np.inf, "give a number above 0") for name in above),
+            *((name, 0.0 <= getattr(self, name) < np.inf, "give a number of 0 or more") for name in least),
+            ("axial", 0.0 < self.axial <= 1.0, "give a share above 0 and up to 1"),
+            ("collapse_share", 0.0 < self.collapse_share <= 1.0, "give a share above 0 and up to 1"),
+            ("increments", self.increments >= 1, "give a whole number above 0"),
+            ("pieces", self.pieces >= 1, "give a whole number above 0"),
+            ("seconds", 0.0 < low <= high < np.inf, "give two rising numbers above 0"),
+        )
+        for field, fine, remedy in rules:
+            if not fine:
+                raise InputError.at("settings", field, f"is {getattr(self, field)}", remedy)
+
+    def flowed(self, young: np.ndarray, old: np.ndarray) -> np.ndarray:
+        """How far struts flow between two ages (N,) in s, in multiples of how far they would bend at once when hard.
+
+        The integral of the fluidity, exp(-age / hardening) + rest, scaled so that hardening itself comes to ``flow``.
+        """
+        softening = np.exp(-young / self.hardening) - np.exp(-old / self.hardening)
+        return self.flow * (softening + self.rest * (old - young) / self.hardening)
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """What the seed decides, drawn before the first strut is laid, so that no plan can change it.
+
+    Attributes
+    ----------
+    speed
+        (E,) how fast each strut flows, relative to what is expected.
+    pull
+        (E, 3) direction of the load on each strut, as a multiple of its weight.
+    placement
+        (E, 2, 3) how far the nozzle is off at start and end, as a multiple of the bead.
+    seconds
+        (E,) that each strut takes.
+    """
+
+    speed: np.ndarray
+    pull: np.ndarray
+    placement: np.ndarray
+    seconds: np.ndarray
+
+    @classmethod
+    def draw(cls, struts: int, settings: PrintSettings, seed: int) -> Chance:
+        """Draw for a frame of so many struts.
+
+        Raises
+        ------
+        InputError
+            If the seed is below 0.
+        """
+        if seed < 0:
+            raise InputError.at("settings", "seed", f"is {seed}", "give a whole number from 0 up")
+        rng = np.random.default_rng(seed)
+        azimuth = rng.uniform(0.0, 2.0 * np.pi)
+        speed = np.exp(settings.uneven * rng.normal(size=struts))
+        sideways = settings.lean * np.array([np.cos(azimuth), np.sin(azimuth)])
+        pull = np.full((struts, 3), -1.0)
+        pull[:, :2] = sideways + settings.residual * rng.normal(size=(struts, 2))
+        placement = settings.placement * rng.normal(size=(struts, 2, 3))
+        return cls(speed, pull, placement, rng.uniform(*settings.seconds, size=struts))
+
+    @classmethod
+    def nominal(cls, struts: int, settings: PrintSettings) -> Chance:
+        """What is expected, nothing being left to chance."""
+        return cls(
+            speed=np.ones(struts),
+            pull=np.tile([0.0, 0.0, -1.0], (struts, 1)),
+            placement=np.zeros((struts, 2, 3)),
+            seconds=np.full(struts, float(np.mean(settings.seconds))),
+        )

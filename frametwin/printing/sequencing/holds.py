@@ -1,0 +1,86 @@
+"""How the tool may be held for each strut, whatever is printed: past the plate and the strut's own beginning."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.sequencing.clearance import part_distance
+from frametwin.printing.sequencing.nozzle import Nozzle
+
+DOWNWARDS = 0.5
+"""What it costs to lay a strut straight downwards rather than upwards, in shares of the largest tilt."""
+
+STEP = 0.5
+"""Distance between the points of a strut that are looked at, in strut radii."""
+
+
+def plate_height(frame: Wireframe) -> float:
+    """Height of the build plate, mm: what lies lowest rests on it with its radius."""
+    ends = frame.edges[frame.grounded[frame.edges].any(axis=1)]
+    lowest = frame.vertices[frame.grounded, 2].min() if len(ends) else frame.bounds[0, 2]
+    return float(min(lowest, frame.bounds[0, 2])) - float(np.median(frame.radius))
+
+
+def allowed_holds(frame: Wireframe, nozzle: Nozzle, axes: np.ndarray) -> np.ndarray:
+    """Find the ways of holding the tool that spare the plate and the part of the strut that is laid already.
+
+    Parameters
+    ----------
+    frame, nozzle, axes
+        The struts, the tool and the (D, 3) axes to try.
+
+    Returns
+    -------
+    (E, D, 2) bool; the last index is the end at which the strut is begun.
+    """
+    low = bezier.evaluate(frame.control_points, np.linspace(0.0, 1.0, 17))[..., 2].min(axis=1)  # (E,)
+    drop = np.minimum(0.0, nozzle.lowest(np.array([0.0, 0.0, 1.0]), axes))  # (D,)
+    above = low[:, None] + drop >= plate_height(frame) - 1e-9 * frame.extent
+    counts = np.maximum(2, np.ceil(frame.lengths / (STEP * frame.radius))).astype(np.int64)
+    result = np.zeros((frame.strut_count, len(axes), 2), dtype=bool)
+    for count in np.unique(counts):
+        struts = np.flatnonzero(counts == count)
+        points = bezier.evaluate(frame.control_points[struts], np.linspace(0.0, 1.0, count + 1))
+        gap = np.linalg.norm(np.diff(points, axis=1), axis=2).max(axis=1)
+        room = frame.radius[struts] + nozzle.clearance + 0.5 * gap  # points between the samples are that far at most
+        for side in range(2):
+            directed = np.ascontiguousarray(points[:, ::-1] if side else points)
+            result[struts, :, side] = _spares_itself(directed, room, axes, nozzle.profile, nozzle.bead)
+    return result & above[:, :, None]
+
+
+def hold_costs(frame: Wireframe, axes: np.ndarray) -> np.ndarray:
+    """(E, D, 2) cost of each way: tilt of the tool, and going down; shares of the largest tilt."""
+    tilt = np.arccos(np.clip(axes[:, 2], -1.0, 1.0))
+    chord = frame.control_points[:, 3] - frame.control_points[:, 0]
+    down = -chord[:, 2] / np.linalg.norm(chord, axis=1)
+    down = np.stack([down, -down], axis=1)
+    return tilt[None, :, None] / max(float(tilt.max()), 1e-9) + DOWNWARDS * np.maximum(0.0, down)[:, None, :]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _spares_itself(points, room, axes, profile, bead):  # type: ignore[no-untyped-def]
+    """(n, D): no point of a strut (n, S, 3) is hit that lies further than the bead behind the tip."""
+    result = np.ones((len(points), len(axes)), dtype=np.bool_)
+    for n in range(len(points)):
+        for d in range(len(axes)):
+            for tip in range(1, points.shape[1]):
+                for behind in range(tip):
+                    square, height = 0.0, 0.0
+                    for x in range(3):
+                        w = points[n, behind, x] - points[n, tip, x]
+                        square += w * w
+                        height += w * axes[d, x]
+                    if square <= bead * bead:
+                        break
+                    rho = np.sqrt(max(0.0, square - height * height))
+                    for k in range(len(profile)):
+                        if part_distance(rho, height, profile[k]) < room[n]:
+                            result[n, d] = False
+                            break
+                if not result[n, d]:
+                    break
+    return result

@@ -1,0 +1,152 @@
+"""Plan the order in which a frame is printed, so that every strut can be laid.
+
+Every strut begins on the plate or on something printed, and the tool reaches it past all that is printed before. The
+search runs backwards, from the finished frame (`removal`); what it takes away next is high up and hangs on joints that
+are loose anyhow, so that a cantilever is supported soon after it was laid. A strut whose two ends are both on the
+structure closes a cycle of the graph; how many do is the same in every order: struts less joints off the plate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frametwin.errors import InputError
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.batches import split_batches
+from frametwin.printing.sequencing.clearance import hit_struts
+from frametwin.printing.sequencing.given_order import GivenOrder, honoured
+from frametwin.printing.sequencing.reachability import OrderSettings, task_of
+from frametwin.printing.sequencing.removal import Removal, Task, last_sides, remove_all
+from frametwin.printing.sequencing.stability import looseness
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.wording import having, listed
+
+__all__ = ["OrderSettings", "closing_struts", "plan_sequence", "require_way_to_plate"]
+
+
+def plan_sequence(
+    frame: Wireframe,
+    settings: OrderSettings | None = None,
+    given: GivenOrder | None = None,
+    progress: ProgressCallback | None = None,
+) -> PrintSequence:
+    """Find the order of all struts, the end at which each begins, the tool's axis, and the batches.
+
+    Parameters
+    ----------
+    frame
+        The design; what is marked as printed plays no part.
+    settings
+        The tool and the batches.
+    given
+        An order to keep (see `given_order`): order, ends, axes and batches are found as far as it
+        leaves them open.
+    progress
+        Called now and then; may cancel.
+
+    Raises
+    ------
+    InputError
+        If struts have no way to the plate, or no order is found; the sentence names them.
+    """
+    settings = OrderSettings() if settings is None else settings
+    require_way_to_plate(frame)
+    if given is not None:
+        given.check(frame)
+    task = task_of(frame, settings, progress)
+    if given is not None and given.is_complete:
+        return honoured(frame, given, task, settings)
+    stage = None if given is None else given.stage(frame)
+    removal = _search(frame, task, stage, settings, progress)
+    start = frame.edges[removal.struts, removal.start]
+    if stage is None:
+        batch = split_batches(looseness(frame, removal.struts), settings.batch_size_for(frame))
+    else:
+        batch = np.unique(stage[removal.struts], return_inverse=True)[1]
+    return PrintSequence(removal.struts, start, settings.axes[removal.axis], batch, source=frame.name)
+
+
+def closing_struts(frame: Wireframe, sequence: PrintSequence) -> np.ndarray:
+    """(N,) bool: the strut ends where the structure stands already, so it closes a cycle.
+
+    Raises
+    ------
+    InputError
+        If the sequence is not one of this frame.
+    """
+    end = sequence.end_in(frame)
+    there = frame.grounded.copy()
+    result = np.zeros(len(sequence), dtype=bool)
+    for n in range(len(sequence)):
+        result[n] = there[end[n]]
+        there[[end[n], sequence.start[n]]] = True
+    return result
+
+
+def require_way_to_plate(frame: Wireframe) -> None:
+    """Refuse a frame with struts that hang on nothing.
+
+    Raises
+    ------
+    InputError
+        The sentence names the struts.
+    """
+    _, labels = frame.components()
+    standing = np.unique(labels[frame.grounded & (labels >= 0)])
+    floating = np.flatnonzero(~np.isin(labels[frame.edges[:, 0]], standing))
+    if len(floating):
+        remedy = "mark what stands on the plate as grounded, or join the parts"
+        raise InputError.at(frame.name, "grounded", f"{having(floating)} no way to the plate", remedy)
+
+
+def _search(
+    frame: Wireframe,
+    task: Task,
+    stage: np.ndarray | None,
+    settings: OrderSettings,
+    progress: ProgressCallback | None,
+) -> Removal:
+    """Search several times, the later times with shuffled heights; at the last put up with contacts, if allowed."""
+    best: Removal | None = None
+    for attempt in range(settings.attempts):
+        report(progress, Progress("ordering the struts", attempt, settings.attempts))
+        noise = None
+        if attempt:
+            rng = np.random.default_rng(np.random.SeedSequence([settings.seed, attempt]))
+            noise = rng.normal(scale=float(attempt), size=frame.strut_count)
+        removal = remove_all(task, stage, noise=noise)
+        if not removal.remaining.any():
+            return removal
+        if best is None or removal.remaining.sum() < best.remaining.sum():
+            best = removal
+    assert best is not None  # attempts are at least one
+    if not settings.allow_contact:
+        raise _stuck(frame, task, best, stage)
+    removal = remove_all(task, stage, tolerate=True)
+    if removal.remaining.any():
+        raise _stuck(frame, task, removal, stage)
+    return removal
+
+
+def _stuck(frame: Wireframe, task: Task, removal: Removal, stage: np.ndarray | None) -> InputError:
+    """Say which struts cannot be laid last of those that must stand before the others, and what is in the way."""
+    sides = last_sides(task, removal.remaining, stage)  # (E, 2)
+    candidates = np.flatnonzero(sides.any(axis=1))
+    usable = (task.allowed & sides[:, None, :]).any(axis=2)  # (E, D)
+    held = candidates[~usable[candidates].any(axis=1)]
+    blocked = candidates[usable[candidates].any(axis=1)]
+    problem = f"no order is found for {int(removal.remaining.sum())} of {frame.strut_count} struts"
+    if len(held):
+        problem += f": {having(held)} no direction from which the tool spares the plate and the strut's own beginning"
+    if len(blocked):
+        first = int(blocked[0])
+        hits = np.where(usable[first], removal.hits[first], np.iinfo(np.int64).max)
+        ways = hit_struts(task.bits[first, int(np.argmin(hits))], frame.strut_count) & removal.remaining
+        problem += (
+            f": the tool would collide in every direction at {listed(blocked)} (strut {first}: "
+            f"{int(usable[first].sum())} directions, the best one with {listed(np.flatnonzero(ways))})"
+        )
+    if not len(candidates):
+        problem += ": each would leave others in the air"
+    return InputError.at(frame.name, "order", problem, "take a smaller nozzle, allow more tilt, or allow contact")

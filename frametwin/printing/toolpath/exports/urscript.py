@@ -1,0 +1,150 @@
+"""Waypoints as a URScript program, and the parser that reads one back.
+
+Lengths are in m, speeds in m/s, orientations axis times angle in rad, all in the robot's base; the tool's centre
+point is taken to be set to the nozzle's tip, z out of it. A digital output switches the extruder. A ``movel`` stops at
+its pose, so that the tip passes exactly through it, but for waypoints within a strut: these are blended, as a tip that
+stood still would leave a blob (Universal Robots, The URScript Programming Language, e-Series: blend radii of
+neighbours must not overlap). Blends stay inside of the corner that they cut, and so in the workspace.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from frametwin.errors import InputError
+from frametwin.files import PathLike, read_text
+from frametwin.printing.toolpath.waypoints import PRINT, Waypoints
+from frametwin.printing.toolpath.workspace import Workspace, rotation_vectors
+
+ACCELERATION = 0.5
+"""m/s^2."""
+
+OUTPUT = 0
+"""Digital output of the extruder."""
+
+BLEND = 0.45
+"""Blend radius as a share of the shorter of the two ways at a waypoint. At a bend of 3 degrees and ways of 1.3 mm the
+tip passes the waypoint at 0.01 mm."""
+
+_NUMBER = r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?"
+_MOVE = re.compile(
+    rf"movel\(p\[({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER})\], "
+    rf"a=({_NUMBER}), v=({_NUMBER})(?:, r=({_NUMBER}))?\)"
+)
+_OUTPUT = re.compile(r"set_standard_digital_out\((\d+), (True|False)\)")
+_SLEEP = re.compile(rf"sleep\(({_NUMBER})\)")
+
+
+@dataclass(frozen=True, eq=False)
+class RobotProgram:
+    """What a program makes the robot do.
+
+    Attributes
+    ----------
+    position
+        (N, 3) in mm in the robot's base.
+    rotation_vector
+        (N, 3) axis times angle, rad.
+    speed
+        (N,) mm/s.
+    extrude
+        (N,) bool, from the arrival on.
+    dwell
+        (N,) s.
+    blend
+        (N,) mm, radius within which the tip cuts the corner; 0 where it stops.
+    """
+
+    position: np.ndarray
+    rotation_vector: np.ndarray
+    speed: np.ndarray
+    extrude: np.ndarray
+    dwell: np.ndarray
+    blend: np.ndarray
+
+
+def to_text(waypoints: Waypoints, limits: Workspace) -> str:
+    """The program's text; positions to a nanometre."""
+    name = f"frametwin_batch_{waypoints.batch}"
+    lines = [f"def {name}():", f"  set_standard_digital_out({OUTPUT}, False)"]
+    poses = np.hstack([limits.positions(waypoints) / 1000.0, rotation_vectors(limits.rotations(waypoints))])
+    flows = False
+    rows = zip(
+        poses.tolist(),
+        waypoints.speed.tolist(),
+        waypoints.extrude.tolist(),
+        waypoints.dwell.tolist(),
+        blend_radii(waypoints).tolist(),
+        strict=True,
+    )
+    for pose, speed, extrude, dwell, blend in rows:
+        numbers = ", ".join(f"{value:.9f}" for value in pose)
+        rounded = f", r={int(blend * 1e3) / 1e6:.6f}" if blend >= 1e-3 else ""
+        lines.append(f"  movel(p[{numbers}], a={ACCELERATION}, v={_rounded_down(speed / 1000.0)}{rounded})")
+        if extrude != flows:
+            lines.append(f"  set_standard_digital_out({OUTPUT}, {extrude})")
+            flows = extrude
+        if dwell > 0.0:
+            lines.append(f"  sleep({dwell:.3f})")
+    lines += [f"  set_standard_digital_out({OUTPUT}, False)", "end", f"{name}()"]
+    return "\n".join(lines) + "\n"
+
+
+def blend_radii(waypoints: Waypoints) -> np.ndarray:
+    """(N,) mm: where the tip passes through within a strut, and nothing is switched or awaited; 0 elsewhere."""
+    result = np.zeros(len(waypoints))
+    inner, after = np.arange(1, len(waypoints) - 1), np.arange(2, len(waypoints))
+    way = np.linalg.norm(np.diff(waypoints.position, axis=0), axis=1)
+    passes = (waypoints.kind[inner] == PRINT) & (waypoints.kind[after] == PRINT)
+    passes &= (waypoints.strut[inner] == waypoints.strut[after]) & (waypoints.dwell[inner] == 0.0)
+    passes &= waypoints.extrude[inner] == waypoints.extrude[inner - 1]
+    result[inner] = np.where(passes, BLEND * np.minimum(way[:-1], way[1:]), 0.0)
+    return result
+
+
+def read_urscript(path: PathLike) -> RobotProgram:
+    """Read a program of the kind that `to_text` writes.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or holds a line of another kind.
+    """
+    poses, speeds, extrude, dwell, blend = [], [], [], [], []
+    flows = False
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        text = line.strip()
+        if match := _MOVE.fullmatch(text):
+            values = [float(word or 0.0) for word in match.groups()]
+            poses.append(values[:6])
+            speeds.append(values[7])
+            extrude.append(flows)
+            dwell.append(0.0)
+            blend.append(values[8])
+        elif match := _OUTPUT.fullmatch(text):
+            flows = match.group(2) == "True"
+            if extrude:
+                extrude[-1] = flows
+        elif (match := _SLEEP.fullmatch(text)) and dwell:
+            dwell[-1] += float(match.group(1))
+        elif not re.fullmatch(r"(def \w+\(\):|end|\w+\(\)|)", text):
+            raise InputError.at(
+                path, f"line {number}", f"{text[:60]!r} is not understood", "give a program of FrameTwin"
+            )
+    pose = np.array(poses, dtype=np.float64).reshape(-1, 6)
+    return RobotProgram(
+        position=pose[:, :3] * 1000.0,
+        rotation_vector=pose[:, 3:],
+        speed=np.array(speeds) * 1000.0,
+        extrude=np.array(extrude, dtype=bool),
+        dwell=np.array(dwell),
+        blend=np.array(blend) * 1000.0,
+    )
+
+
+def _rounded_down(speed: float) -> str:
+    """Six digits after the point, never faster than asked for, and never still."""
+    return f"{max(1, int(speed * 1e6 + 1e-6)) / 1e6:.6f}"

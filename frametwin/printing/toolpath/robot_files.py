@@ -1,0 +1,160 @@
+"""What the robot is told for one batch: waypoints in the formats that are wanted, and a summary."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frametwin.checked_json import convert_fields
+from frametwin.errors import InputError
+from frametwin.files import write_json
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.toolpath.exports import SUFFIXES, write_waypoints
+from frametwin.printing.toolpath.exports.assembly import write_assembly
+from frametwin.printing.toolpath.reach import check_reach
+from frametwin.printing.toolpath.waypoints import WaypointSettings, waypoints_of
+from frametwin.printing.toolpath.workspace import Workspace
+
+FORMATS = (*SUFFIXES, "assembly")
+SUMMARY = "summary.json"
+
+
+@dataclass(frozen=True)
+class RobotSettings:
+    """What the robot is told, and where it may go.
+
+    Attributes
+    ----------
+    workspace
+        Nothing outside of it is ever written.
+    waypoints
+        How struts are laid.
+    formats
+        Of `FORMATS`; ``assembly`` is the whole plan and no waypoints.
+    ur10e_tool
+        From the flange of a UR10e to the nozzle's tip, along the flange's z, in mm: nothing that its arm cannot reach
+        is written either (see `reach`). ``None`` for another robot, whose reach nobody looks at.
+
+    Raises
+    ------
+    InputError
+        If a format is unknown, or the tool has no length.
+    """
+
+    workspace: Workspace
+    waypoints: WaypointSettings = WaypointSettings()
+    formats: tuple[str, ...] = ("json", "urscript", "gcode")
+    ur10e_tool: float | None = None
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.formats if name not in FORMATS]
+        if unknown:
+            remedy = f"give one of {', '.join(FORMATS)}"
+            raise InputError.at("settings", "formats", f"{unknown[0]!r} is unknown", remedy)
+        if self.ur10e_tool is not None and not 0.0 <= self.ur10e_tool < np.inf:
+            raise InputError.at("settings", "ur10e_tool", f"is {self.ur10e_tool}", "give millimetres, 0 or more")
+
+    def as_dict(self) -> dict[str, Any]:
+        """As for a JSON file."""
+        return {
+            "workspace": self.workspace.as_dict(),
+            "waypoints": dataclasses.asdict(self.waypoints),
+            "formats": list(self.formats),
+            "ur10e_tool": self.ur10e_tool,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str) -> RobotSettings:
+        """Settings out of a JSON file.
+
+        Raises
+        ------
+        InputError
+            If a setting is missing, unknown or of another kind.
+        """
+        for key, kind in (("workspace", dict), ("waypoints", dict), ("formats", list)):
+            if type(data.get(key)) is not kind:
+                raise InputError.at(source, f"robot.{key}", "is missing or of another kind", "plan the job again")
+        known = {item.name for item in dataclasses.fields(Workspace)}
+        unknown = sorted(data["workspace"].keys() - known)
+        if unknown or data["workspace"].keys() != known:
+            field = unknown[0] if unknown else sorted(known - data["workspace"].keys())[0]
+            raise InputError.at(source, f"workspace.{field}", "is missing or unknown", "plan the job again")
+        waypoints = WaypointSettings(**convert_fields(WaypointSettings, data["waypoints"], source))
+        tool = data.get("ur10e_tool")
+        if not (tool is None or type(tool) in (int, float)):
+            raise InputError.at(source, "robot.ur10e_tool", "is no number", "plan the job again")
+        return cls(Workspace(**data["workspace"]), waypoints, tuple(data["formats"]), tool)
+
+
+def write_robot_files(
+    folder: Path,
+    plan: Wireframe,
+    sequence: PrintSequence,
+    batch: int,
+    settings: RobotSettings,
+    design: Wireframe,
+    allow_contact: bool = False,
+    rate: np.ndarray | None = None,
+) -> dict[str, Any]:
+    """Write what the robot is told for a batch.
+
+    Parameters
+    ----------
+    folder
+        Exists, and is empty.
+    plan
+        Where the struts of the batch are to be laid, and those before it are.
+    sequence, batch, settings
+        The order, the batch's number, and what is wanted.
+    design
+        From which deviations are counted.
+    allow_contact
+        Write waypoints that touch printed struts, and say so in the summary, whatever the settings say.
+    rate
+        (V, 3) mm by which joints move with each strut that is laid; see `anticipation.drift_rate`.
+
+    Returns
+    -------
+    The summary, as it is written to ``summary.json``: ``batch``, ``struts``, ``seconds`` that the robot takes,
+    ``contacts`` in sentences, ``reach`` (who looked at it, or ``None``), and ``files``.
+
+    Raises
+    ------
+    InputError
+        If a waypoint is outside of the workspace, out of reach or too fast, or a strut cannot be laid without contact.
+    """
+    wanted = settings.waypoints
+    if allow_contact and not wanted.allow_contact:
+        wanted = dataclasses.replace(wanted, allow_contact=True)
+    waypoints = waypoints_of(plan, sequence, batch, wanted, design, rate=rate)
+    settings.workspace.check(waypoints)
+    reach = None
+    if settings.ur10e_tool is not None:
+        reach = check_reach(waypoints, settings.workspace, settings.ur10e_tool)
+    names = []
+    for name in settings.formats:
+        if name == "assembly":
+            path = folder / f"batch_{batch:03d}_assembly.json"
+            write_assembly(path, plan, sequence)
+        else:
+            kind = "_compas" if name == "compas" else ""
+            path = folder / f"batch_{batch:03d}{kind}{SUFFIXES[name]}"
+            write_waypoints(path, waypoints, name, settings.workspace)
+        names.append(path.name)
+    summary = {
+        "batch": batch,
+        "struts": waypoints.struts,
+        "seconds": waypoints.seconds,
+        "contacts": list(waypoints.contacts),
+        "reach": reach,
+        "files": names,
+    }
+    write_json(folder / SUMMARY, summary)
+    return summary

@@ -1,0 +1,246 @@
+"""A capture without cameras: a print that has sagged, and the silhouettes that a rig would see of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from frametwin.cameras import Camera
+from frametwin.cameras.rigs import dome_rig, ring_rig
+from frametwin.capture.capture import write_capture
+from frametwin.errors import InputError
+from frametwin.files import PathLike
+from frametwin.formats import defects_json
+from frametwin.geometry.displacement import largest_displacement
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.deformations import rigid_motion, smooth_warp, tip_load
+from frametwin.mechanics.sag import SagSettings, simulate_sag
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.raster.silhouette import silhouettes
+from frametwin.simulation.defects import drop_struts
+from frametwin.simulation.print_order import print_share
+
+RIGS: dict[str, Callable[..., tuple[Camera, ...]]] = {"ring": ring_rig, "dome": dome_rig}
+DEFORMATIONS = ("sag", "warp", "rigid", "tip-load")
+NOTES_FILE = "simulation.json"
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """What is simulated. Same settings, same frame: same capture.
+
+    Attributes
+    ----------
+    views
+        Number of cameras, at least 2.
+    size
+        Height and width of the pictures in pixels.
+    peak
+        Largest displacement of any point in mm; ``None`` for 7 % of the longest side of what is printed.
+    seed
+        Of everything random: which struts are soft, which are missing, the waves of a warp.
+    missing
+        How many printed struts are missing.
+    missing_share
+        How much of each of these is missing, as a share of its length.
+    printed
+        Share of the struts that is printed, from the ground up (`print_share`); ``None`` for what the frame
+        itself says.
+    rig
+        ``"ring"`` or ``"dome"``: how the cameras stand around the frame.
+    deformation
+        ``"sag"`` (gravity on struts of which one in four is soft), ``"tip-load"`` (the top pushed sideways),
+        ``"warp"`` (a random smooth field) or ``"rigid"`` (the whole frame shifted and turned).
+    supersampling
+        Samples along each side of a pixel; 1 gives pictures of black and white only.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
+    """
+
+    views: int = 8
+    size: tuple[int, int] = (1200, 1600)
+    peak: float | None = None
+    seed: int = 0
+    missing: int = 0
+    missing_share: float = 0.5
+    printed: float | None = None
+    rig: str = "ring"
+    deformation: str = "sag"
+    supersampling: int = 1
+
+    def __post_init__(self) -> None:
+        rules = (
+            ("views", 2 <= self.views <= 1000, "give a whole number from 2 to 1000, 8 are usual"),
+            (
+                "size",
+                len(self.size) == 2 and all(8 <= side <= 16384 for side in self.size),
+                "give height and width from 8 to 16384 pixels",
+            ),
+            (
+                "peak",
+                self.peak is None or (np.isfinite(self.peak) and self.peak > 0.0),
+                "give millimetres above 0",
+            ),
+            ("seed", self.seed >= 0, "give a whole number from 0 up"),
+            ("missing", self.missing >= 0, "give a whole number from 0 up"),
+            ("missing_share", 0.0 < self.missing_share <= 1.0, "give a share above 0 and up to 1"),
+            (
+                "printed",
+                self.printed is None or 0.0 < self.printed <= 1.0,
+                "give a share above 0 and up to 1",
+            ),
+            ("rig", self.rig in RIGS, f"give one of {', '.join(RIGS)}"),
+            ("deformation", self.deformation in DEFORMATIONS, f"give one of {', '.join(DEFORMATIONS)}"),
+            ("supersampling", 1 <= self.supersampling <= 16, "give a whole number from 1 to 16"),
+        )
+        for field, fine, remedy in rules:
+            if not fine:
+                raise InputError.at("settings", field, f"is {getattr(self, field)!r}", remedy)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A simulated capture in memory.
+
+    Attributes
+    ----------
+    frame
+        The plan, with what has been printed.
+    truth
+        Where its struts really are.
+    cameras
+        Of the views.
+    images
+        (H, W) uint8 for each view, white where the print is.
+    present
+        (E, 2) interval of the curve parameter at which each strut of the truth is there.
+    settings
+        What it was made with.
+    """
+
+    frame: Wireframe
+    truth: Wireframe
+    cameras: tuple[Camera, ...]
+    images: list[np.ndarray]
+    present: np.ndarray
+    settings: SimulationSettings
+
+    @property
+    def peak(self) -> float:
+        """Largest displacement of a printed strut in mm."""
+        part = self.frame.printed
+        return largest_displacement(self.truth.control_points[part] - self.frame.control_points[part])
+
+
+def simulate(
+    frame: Wireframe, settings: SimulationSettings | None = None, progress: ProgressCallback | None = None
+) -> Simulation:
+    """Deform a frame, put cameras around it and take its silhouettes.
+
+    The cameras see the whole plan, also what is not printed yet, and all of the deformed frame.
+
+    Parameters
+    ----------
+    frame
+        The plan.
+    settings
+        See `SimulationSettings`.
+    progress
+        See `ProgressCallback`.
+
+    Raises
+    ------
+    InputError
+        If the frame does not stand on the ground, the peak is out of reach, or more struts shall be missing
+        than are printed.
+    Cancelled
+        If ``progress`` returns ``False``.
+    """
+    settings = SimulationSettings() if settings is None else settings
+    plan = frame if settings.printed is None else print_share(frame, settings.printed)
+    # A seed of its own: with the same one, the struts that are missing would be those that are soft.
+    defect_seed = int(np.random.SeedSequence(settings.seed).generate_state(1)[0])
+    present, _ = drop_struts(plan, settings.missing, defect_seed, share=settings.missing_share)
+    truth = _deformed(plan, settings, progress)
+    bounds = np.stack([plan.bounds, truth.bounds])  # (2 frames, 2, 3)
+    reach = float(plan.radius.max())
+    box = np.stack([bounds[:, 0].min(axis=0) - reach, bounds[:, 1].max(axis=0) + reach])
+    cameras = RIGS[settings.rig](box, settings.views, size=settings.size)
+    images = silhouettes(truth, cameras, present=present, supersampling=settings.supersampling, progress=progress)
+    return Simulation(plan, truth, cameras, images, present, settings)
+
+
+def write_simulation(folder: PathLike, simulation: Simulation, overwrite: bool = False) -> None:
+    """Write a simulation as a capture folder, whole or not at all.
+
+    Beside the files of a capture there is ``simulation.json``, which says how it was made, and, where struts
+    are missing, ``defects.json``, which says where.
+
+    Raises
+    ------
+    InputError
+        If the folder holds something already and ``overwrite`` is false, or cannot be written.
+    """
+    notes = {
+        "format": "frametwin-simulation",
+        "version": 1,
+        "largest_displacement": simulation.peak,
+        **dataclasses.asdict(simulation.settings),
+    }
+    extra = {NOTES_FILE: notes}
+    defects = defects_json.to_dict(simulation.present, simulation.frame.printed)
+    if len(defects["struts"]):
+        extra[defects_json.FILE_NAME] = defects
+    write_capture(
+        folder,
+        simulation.frame,
+        simulation.cameras,
+        simulation.images,
+        truth=simulation.truth,
+        extra=extra,
+        overwrite=overwrite,
+    )
+
+
+def _deformed(plan: Wireframe, settings: SimulationSettings, progress: ProgressCallback | None) -> Wireframe:
+    sag = SagSettings(peak=settings.peak, seed=settings.seed)
+    if settings.deformation == "sag":
+        return simulate_sag(plan, sag, progress).frame
+    report(progress, Progress("deforming", 0, 1))
+    if settings.deformation == "tip-load":
+        return tip_load(plan, sag)
+    if settings.deformation == "warp":
+        return smooth_warp(plan, sag.peak_of(plan), settings.seed)
+    return random_rigid_motion(plan, sag.peak_of(plan), settings.seed)
+
+
+def random_rigid_motion(frame: Wireframe, peak: float, seed: int = 0) -> Wireframe:
+    """Shift and turn the whole frame, half of the way by each, until its furthest point moved ``peak`` mm.
+
+    Raises
+    ------
+    InputError
+        If the peak is more than three quarters of the extent: the frame would lie somewhere else.
+    """
+    if not 0.0 < peak <= 0.75 * frame.extent:
+        raise InputError.at("settings", "peak", f"is {peak:g} mm", f"give millimetres up to {0.75 * frame.extent:.4g}")
+    rng = np.random.default_rng(seed)
+    shift, axis = rng.normal(size=(2, 3))
+    shift *= 0.5 * peak / np.linalg.norm(shift)
+    arm = np.linalg.norm(np.ptp(frame.bounds, axis=0)) / 2.0
+    axis *= np.degrees(0.5 * peak / arm) / np.linalg.norm(axis)
+
+    def moved(scale: float) -> Wireframe:
+        return rigid_motion(frame, tuple(scale * axis), tuple(scale * shift))
+
+    def excess(scale: float) -> float:
+        return largest_displacement(moved(scale).control_points - frame.control_points) - peak
+
+    return moved(brentq(excess, 0.0, 4.0, xtol=1e-13, rtol=1e-12))
