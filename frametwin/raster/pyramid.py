@@ -21,7 +21,7 @@ class Level:
 
     Attributes
     ----------
-    cameras : (N, 16) rows of `frametwin.cameras.packed` for this size.
+    cameras : (N, 17) rows of `frametwin.cameras.packed` for this size, and the lens's k1 (0: it is undistorted).
     shapes : (N, 2) height and width.
     offsets : (N,) where each view starts.
     spread : s of the rods in pixels, sqrt(1/12 + blur^2).
@@ -74,7 +74,7 @@ class Pyramid:
             pictures.append(picture)
         shapes = np.array([picture.shape for picture in pictures], dtype=np.int64)
         return Level(
-            cameras=packed(cameras),
+            cameras=np.pad(packed(cameras), ((0, 0), (0, 1))),
             shapes=shapes,
             offsets=np.concatenate([[0], np.cumsum(shapes.prod(axis=1))[:-1]]),
             spread=sqrt(PIXEL_VARIANCE + blur * blur),

@@ -12,7 +12,8 @@ the same corner. With grey value 1 everywhere front-to-back blending telescopes 
 I = 1 - T with the transmittance T = prod(1 - alpha c), in any order.
 
 Geometry is in float64, pictures are float32. All views lie in one flat buffer: view v has its rows at
-``offset[v] + row * width``. Cameras are rows of :func:`frametwin.cameras.packed`. Everything is deterministic:
+``offset[v] + row * width``. Cameras are rows of :func:`frametwin.cameras.packed` and one number more, the lens's k1: a
+point at the normalised distance rho from the axis is seen at rho (1 + k1 rho^2). Everything is deterministic:
 threads share views when they write pictures and struts when they gather.
 
 All of it is in one file on purpose: compiled code is cached by file, and a helper in another one could change without
@@ -74,8 +75,9 @@ def _project(points, camera, out):
         if cz < 1e-6:
             seen = False
             cz = 1e-6
-        out[i, 0] = camera[12] * cx / cz + camera[14]
-        out[i, 1] = camera[13] * cy / cz + camera[15]
+        lens = 1.0 + camera[16] * (cx * cx + cy * cy) / (cz * cz)
+        out[i, 0] = camera[12] * cx / cz * lens + camera[14]
+        out[i, 1] = camera[13] * cy / cz * lens + camera[15]
         out[i, 2] = cz
     return seen
 
@@ -225,7 +227,8 @@ def _joint(point, camera):
     cz = camera[6] * x + camera[7] * y + camera[8] * z + camera[11]
     if cz < 1e-6:
         return 0.0, 0.0, -1.0
-    return camera[12] * cx / cz + camera[14], camera[13] * cy / cz + camera[15], cz
+    lens = 1.0 + camera[16] * (cx * cx + cy * cy) / (cz * cz)
+    return camera[12] * cx / cz * lens + camera[14], camera[13] * cy / cz * lens + camera[15], cz
 
 
 @nb.njit(cache=True, fastmath=True)
@@ -255,7 +258,7 @@ def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offse
     """Transmittance of all views.
 
     points (E, P+1, 3), radius and opacity (E, P), joints (V, 3), joint_radius (V,) with 0 for none, cameras
-    (N, 16), shapes (N, 2) height and width, offsets (N,), spread in pixels, transmittance (pixels,) float32, out.
+    (N, 17), shapes (N, 2) height and width, offsets (N,), spread in pixels, transmittance (pixels,) float32, out.
     """
     for v in nb.prange(cameras.shape[0]):
         camera = cameras[v]
@@ -389,10 +392,12 @@ def gather_struts(
     residual is 1 - T - target for that; with the derivative of any other loss by the picture in its place, the
     gradient is that loss's.
 
-    basis (P+1, 4) gives the polyline's points from the control points. hessian (E, 12, 12), gradient (E, 12) and
-    widths (E, P, 2), curvature and slope by each piece's radius, are overwritten. Pixels that several struts
-    cover couple them only through the transmittance; the small cross terms are left out.
+    basis (P+1, 4) gives the polyline's points from the control points. hessian (E, S, 12, 12), gradient (E, S, 12)
+    and widths (E, P, 2), curvature and slope by each piece's radius, are overwritten. S is 1 for the sum over all
+    views, or their number for each by itself. Pixels that several struts cover couple them only through the
+    transmittance; the small cross terms are left out.
     """
+    single = hessian.shape[1] == 1
     pieces = points.shape[1] - 1
     for k in nb.prange(points.shape[0]):
         line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
@@ -406,6 +411,12 @@ def gather_struts(
             widths[k, p, 1] = 0.0
         for v in range(cameras.shape[0]):
             camera = cameras[v]
+            if not single:
+                slope[:] = 0.0
+                own[:] = 0.0
+                cross[:] = 0.0
+                hessian[k, v] = 0.0
+                gradient[k, v] = 0.0
             if not _project(points[k], camera, line):
                 continue
             _cuts(line, cuts)
@@ -437,7 +448,9 @@ def gather_struts(
                 _pull(line[p], -dy / length, dx / length, camera, pull_a)
                 _pull(line[p + 1], -dy / length, dx / length, camera, pull_b)
                 unit = _half_width(line[p], line[p + 1], camera)
-                _half_width_slope(line[p], line[p + 1], camera, sums[6] * radius[k, p] / unit, slope[p], slope[p + 1])
+                if single:  # views that may move tell nothing by how thick a strut looks: that would be its distance
+                    by_width = sums[6] * radius[k, p] / unit
+                    _half_width_slope(line[p], line[p + 1], camera, by_width, slope[p], slope[p + 1])
                 for a in range(3):
                     slope[p, a] += sums[3] * pull_a[a]
                     slope[p + 1, a] += sums[4] * pull_b[a]
@@ -445,7 +458,10 @@ def gather_struts(
                         own[p, a, b] += sums[0] * pull_a[a] * pull_a[b]
                         own[p + 1, a, b] += sums[2] * pull_b[a] * pull_b[b]
                         cross[p, a, b] += sums[1] * pull_a[a] * pull_b[b]
-        _to_control_points(basis, own, cross, slope, hessian[k], gradient[k])
+            if not single:
+                _to_control_points(basis, own, cross, slope, hessian[k, v], gradient[k, v])
+        if single:
+            _to_control_points(basis, own, cross, slope, hessian[k, 0], gradient[k, 0])
 
 
 @nb.njit(cache=True, fastmath=True)
@@ -473,13 +489,16 @@ def _to_control_points(basis, own, cross, slope, hessian, gradient):
 
 
 @nb.njit(parallel=True, cache=True, fastmath=True)
-def gather_joints(joints, joint_radius, cameras, shapes, offsets, spread, transmittance, residual, hessian, gradient):
-    """Gauss-Newton terms of the joints' discs: hessian (V, 3, 3) and gradient (V, 3) are overwritten."""
+def gather_joints(
+    joints, joint_radius, cameras, shapes, offsets, spread, transmittance, residual, hessian, gradient, widths
+):
+    """Gauss-Newton terms of the joints' discs: hessian (V, S, 3, 3), gradient (V, S, 3), S as in `gather_struts`, and
+    widths (V, 2), curvature and slope by the discs' radius, are overwritten."""
+    single = hessian.shape[1] == 1
     for k in nb.prange(joints.shape[0]):
-        for a in range(3):
-            gradient[k, a] = 0.0
-            for b in range(3):
-                hessian[k, a, b] = 0.0
+        hessian[k] = 0.0
+        gradient[k] = 0.0
+        widths[k] = 0.0
         if joint_radius[k] <= 0.0:
             continue
         row = np.empty(3)
@@ -494,6 +513,7 @@ def gather_joints(joints, joint_radius, cameras, shapes, offsets, spread, transm
             _pull(row, 1.0, 0.0, camera, mx)
             _pull(row, 0.0, 1.0, camera, my)
             r = 0.5 * (camera[12] + camera[13]) * joint_radius[k] / z
+            unit = r / joint_radius[k]
             reach, core = r + REACH * spread, r - REACH * spread
             hxx, hxy, hyy, gx, gy = 0.0, 0.0, 0.0, 0.0, 0.0
             for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
@@ -517,10 +537,14 @@ def gather_joints(joints, joint_radius, cameras, shapes, offsets, spread, transm
                     hyy += uy * uy
                     gx += residual[at + i] * ux
                     gy += residual[at + i] * uy
+                    by_radius = others * (near + far) / spread * unit
+                    widths[k, 0] += by_radius * by_radius
+                    widths[k, 1] += residual[at + i] * by_radius
+            at = 0 if single else v
             for a in range(3):
-                gradient[k, a] += gx * mx[a] + gy * my[a]
+                gradient[k, at, a] += gx * mx[a] + gy * my[a]
                 for b in range(3):
-                    hessian[k, a, b] += (
+                    hessian[k, at, a, b] += (
                         hxx * mx[a] * mx[b] + hxy * (mx[a] * my[b] + my[a] * mx[b]) + hyy * my[a] * my[b]
                     )
 

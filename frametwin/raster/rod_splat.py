@@ -108,7 +108,7 @@ class _Splat(torch.autograd.Function):
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:
         drawn, level, through = ctx.drawn, ctx.level, ctx.through
         slope = np.ascontiguousarray(grad.numpy(), dtype=np.float32)
-        _, struts, _, joints, widths = rods.pull_back(drawn, level, through, slope)
+        _, struts, _, joints, widths, _ = rods.pull_back(drawn, level, through, slope)
         disc_radius, disc_depth = _disc_gradients(drawn, level, through, slope)
         results = (
             struts.reshape(-1, 4, 3),

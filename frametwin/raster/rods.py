@@ -22,6 +22,7 @@ class Rods:
     edges : (E, 2) the joints of each strut.
     radius : (E, P) in mm, one value for each of P pieces of equal parameter length.
     opacity : (E, P) 0..1.
+    joint_size : (V,) radius of each joint's material relative to its thickest strut's; ``None`` for 1.
     """
 
     control_points: np.ndarray
@@ -29,6 +30,7 @@ class Rods:
     edges: np.ndarray
     radius: np.ndarray
     opacity: np.ndarray
+    joint_size: np.ndarray | None = None
 
     @property
     def pieces(self) -> int:
@@ -40,11 +42,11 @@ class Rods:
         return np.matmul(basis(self.pieces), self.control_points)
 
     def joint_radius(self) -> np.ndarray:
-        """(V,) the largest radius of the pieces that end at each joint; 0 where all are missing."""
+        """(V,) mm: the joint's size times the largest radius of the pieces that end there; 0 where all are missing."""
         ends = np.where(self.opacity[:, [0, -1]] > 0.5, self.radius[:, [0, -1]], 0.0)
         result = np.zeros(len(self.joints))
         np.maximum.at(result, self.edges, ends)
-        return result
+        return result if self.joint_size is None else result * self.joint_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,7 @@ class Terms:
     hessian, gradient : (E, 12, 12) and (E, 12) by each strut's control points, in pixels / mm^2 and / mm.
     joint_hessian, joint_gradient : (V, 3, 3) and (V, 3) of the joints' discs.
     widths : (E, P, 2) curvature and slope by the radius of each piece.
+    joint_widths : (V, 2) curvature and slope by the radius of each joint's disc.
     """
 
     loss: float
@@ -65,6 +68,40 @@ class Terms:
     joint_hessian: np.ndarray
     joint_gradient: np.ndarray
     widths: np.ndarray
+    joint_widths: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class ViewTerms:
+    """The terms of every view by itself.
+
+    Attributes
+    ----------
+    losses : (N,) half the sum of squared residuals of each view.
+    hessian, gradient : (E, N, 12, 12) and (E, N, 12), as in `Terms`.
+    joint_hessian, joint_gradient : (V, N, 3, 3) and (V, N, 3).
+    widths, joint_widths : of all views together, as in `Terms`.
+    """
+
+    losses: np.ndarray
+    hessian: np.ndarray
+    gradient: np.ndarray
+    joint_hessian: np.ndarray
+    joint_gradient: np.ndarray
+    widths: np.ndarray
+    joint_widths: np.ndarray
+
+    def summed(self) -> Terms:
+        """The terms of all views together."""
+        return Terms(
+            float(self.losses.sum()),
+            self.hessian.sum(axis=1),
+            self.gradient.sum(axis=1),
+            self.joint_hessian.sum(axis=1),
+            self.joint_gradient.sum(axis=1),
+            self.widths,
+            self.joint_widths,
+        )
 
 
 def basis(pieces: int) -> np.ndarray:
@@ -103,20 +140,35 @@ def gauss_newton(rods: Rods, level: Level) -> Terms:
     return Terms(0.5 * float(np.dot(residual, residual)), *pull_back(rods, level, through, residual))
 
 
+def gauss_newton_by_view(rods: Rods, level: Level) -> ViewTerms:
+    """As `gauss_newton`, of every view by itself."""
+    through = transmittance(rods, level)
+    residual = np.float32(1.0) - through - level.target
+    losses = [0.5 * float(np.dot(part.ravel(), part.ravel())) for part in level.pictures(residual)]
+    return ViewTerms(np.array(losses), *_gather(rods, level, through, residual, len(level.cameras)))
+
+
 def pull_back(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, ...]:
     """Derivatives of a loss whose derivative by the picture is ``residual`` (pixels,): the fields of `Terms`."""
+    hessian, gradient, joint_hessian, joint_gradient, *widths = _gather(rods, level, through, residual, 1)
+    return hessian[:, 0], gradient[:, 0], joint_hessian[:, 0], joint_gradient[:, 0], *widths
+
+
+def _gather(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray, slots: int) -> tuple[np.ndarray, ...]:
+    """Derivatives in so many slots: one for all views together, or one for each."""
     points = rods.points()
     count, pieces = rods.radius.shape
-    hessian, gradient = np.empty((count, 12, 12)), np.empty((count, 12))
-    widths = np.empty((count, pieces, 2))
-    joint_hessian, joint_gradient = np.empty((len(rods.joints), 3, 3)), np.empty((len(rods.joints), 3))
+    hessian, gradient = np.empty((count, slots, 12, 12)), np.empty((count, slots, 12))
+    widths, joint_widths = np.empty((count, pieces, 2)), np.empty((len(rods.joints), 2))
+    joint_hessian = np.empty((len(rods.joints), slots, 3, 3))
+    joint_gradient = np.empty((len(rods.joints), slots, 3))
     view = (level.cameras, level.shapes, level.offsets, level.spread, through, residual)
     radius = np.ascontiguousarray(rods.radius, dtype=np.float64)
     opacity = np.ascontiguousarray(rods.opacity, dtype=np.float64)
     rod_kernels.gather_struts(points, radius, opacity, *view, basis(pieces), hessian, gradient, widths)
     joints = np.ascontiguousarray(rods.joints, dtype=np.float64)
-    rod_kernels.gather_joints(joints, rods.joint_radius(), *view, joint_hessian, joint_gradient)
-    return hessian, gradient, joint_hessian, joint_gradient, widths
+    rod_kernels.gather_joints(joints, rods.joint_radius(), *view, joint_hessian, joint_gradient, joint_widths)
+    return hessian, gradient, joint_hessian, joint_gradient, widths, joint_widths
 
 
 def opacity_terms(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray) -> np.ndarray:

@@ -1,0 +1,172 @@
+"""Cameras that may be a little elsewhere than the rig says.
+
+A small motion of a camera is, in its own view, the same as a motion of everything it sees: turned back, shifted back,
+and for the focal length, the principal point and the lens spread across the picture. So the Gauss-Newton terms that
+the splatter gives for every strut in every view already hold the cameras' own terms and how they are coupled to the
+struts; nothing else has to be drawn.
+
+What a camera can do, ten numbers: turns about its own three axes (radians), shifts of its centre along the world's
+(mm), the logarithm of its focal length, its principal point (pixels of the full picture), and the lens's k1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from frametwin.cameras import Camera
+from frametwin.fitting.elastic import ElasticFrame
+from frametwin.raster.rods import Rods, ViewTerms
+
+TURN, SHIFT, FOCAL, CENTRE, LENS = slice(0, 3), slice(3, 6), 6, slice(7, 9), 9
+FREEDOMS = 10
+
+
+@dataclass(frozen=True)
+class RigErrors:
+    """Standard deviations of what a rig says of its cameras, each camera by itself.
+
+    Attributes
+    ----------
+    turn : degrees, about each axis.
+    shift : mm, along each axis.
+    focal : share of the focal length.
+    centre : pixels of the principal point.
+    lens : of the distortion's k1.
+    """
+
+    turn: float = 0.3
+    shift: float = 2.0
+    focal: float = 0.005
+    centre: float = 2.0
+    lens: float = 0.01
+
+    def deviations(self) -> np.ndarray:
+        """(10,) one a freedom, in its own unit."""
+        return np.array(
+            [*3 * [np.deg2rad(self.turn)], *3 * [self.shift], self.focal, *2 * [self.centre], self.lens]
+        )
+
+
+def corrected(cameras: Sequence[Camera], freedoms: np.ndarray) -> list[Camera]:
+    """The cameras after their freedoms (N, 10), but for the lens, which a pinhole camera has none of."""
+    result = []
+    for camera, own in zip(cameras, freedoms, strict=True):
+        pose = np.array(camera.camera_to_world)
+        pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(own[TURN]).as_matrix().T
+        pose[:3, 3] += own[SHIFT]
+        factor = float(np.exp(own[FOCAL]))
+        result.append(
+            Camera(
+                camera.name,
+                camera.width,
+                camera.height,
+                camera.fl_x * factor,
+                camera.fl_y * factor,
+                camera.cx + own[7],
+                camera.cy + own[8],
+                pose,
+            )
+        )
+    return result
+
+
+def view_motions(points: np.ndarray, packed: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """How points must move to look as they do when a camera changes.
+
+    Parameters
+    ----------
+    points : (..., 3) mm, in the world.
+    packed : (17,) the camera as the splatter has it, at the pictures' size.
+    scale : pixels of that size to one of the full picture.
+
+    Returns
+    -------
+    (..., 3, 10) mm for a unit of each freedom.
+    """
+    rotation, shift = packed[:9].reshape(3, 3), packed[9:12]
+    seen = points @ rotation.T + shift
+    x, y, z = seen[..., 0], seen[..., 1], seen[..., 2]
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    radial = (x * x + y * y) / np.maximum(z * z, 1e-12)
+    moved = np.zeros((*points.shape[:-1], 3, FREEDOMS))
+    moved[..., 0] = np.stack([zero, -z, y], axis=-1)
+    moved[..., 1] = np.stack([z, zero, -x], axis=-1)
+    moved[..., 2] = np.stack([-y, x, zero], axis=-1)
+    moved[..., SHIFT] = -rotation
+    moved[..., FOCAL] = np.stack([x, y, zero], axis=-1)
+    moved[..., 7] = np.stack([scale * z / packed[12] * one, zero, zero], axis=-1)
+    moved[..., 8] = np.stack([zero, scale * z / packed[13] * one, zero], axis=-1)
+    moved[..., LENS] = np.stack([x * radial, y * radial, zero], axis=-1)
+    return np.einsum("ca,...cf->...af", rotation, moved)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraTerms:
+    """The cameras' part of the Gauss-Newton system.
+
+    Attributes
+    ----------
+    matrix, gradient : (N, 10, 10) and (N, 10) of each camera by itself.
+    struts : (E, 12, N, 10) coupling to the struts' control points.
+    joints : (V, 3, N, 10) coupling to the joints' discs.
+    """
+
+    matrix: np.ndarray
+    gradient: np.ndarray
+    struts: np.ndarray
+    joints: np.ndarray
+
+
+def camera_terms(drawn: Rods, terms: ViewTerms, packed: np.ndarray, scales: np.ndarray) -> CameraTerms:
+    """Terms of all cameras from those of every strut and joint in every view.
+
+    Parameters
+    ----------
+    drawn : what the splatter drew.
+    terms : its terms, view by view.
+    packed : (N, 17) the cameras of the level.
+    scales : (N,) pixels of the level to one of the full picture.
+    """
+    count, views = terms.hessian.shape[:2]
+    vertices = len(drawn.joints)
+    matrix, gradient = np.zeros((views, FREEDOMS, FREEDOMS)), np.zeros((views, FREEDOMS))
+    struts, joints = np.zeros((count, 12, views, FREEDOMS)), np.zeros((vertices, 3, views, FREEDOMS))
+    for v in range(views):
+        motion = view_motions(drawn.control_points, packed[v], scales[v]).reshape(count, 12, FREEDOMS)
+        coupled = np.matmul(terms.hessian[:, v], motion)
+        struts[:, :, v] = coupled
+        matrix[v] += np.einsum("eaf,eag->fg", motion, coupled, optimize=True)
+        gradient[v] += np.einsum("eaf,ea->f", motion, terms.gradient[:, v], optimize=True)
+        motion = view_motions(drawn.joints, packed[v], scales[v])
+        coupled = np.matmul(terms.joint_hessian[:, v], motion)
+        joints[:, :, v] = coupled
+        matrix[v] += np.einsum("vaf,vag->fg", motion, coupled, optimize=True)
+        gradient[v] += np.einsum("vaf,va->f", motion, terms.joint_gradient[:, v], optimize=True)
+    return CameraTerms(matrix, gradient, struts, joints)
+
+
+def coupling_to_freedoms(elastic: ElasticFrame, terms: CameraTerms) -> np.ndarray:
+    """(6V, 10N) coupling of the cameras to the joints' freedoms, struts following."""
+    size = terms.matrix.shape[0] * FREEDOMS
+    parts = np.matmul(elastic.follow.transpose(0, 2, 1), terms.struts.reshape(len(terms.struts), 12, size))
+    total = np.zeros((6 * elastic.vertex_count, size))
+    np.add.at(total, elastic.freedoms, parts)
+    total.reshape(elastic.vertex_count, 6, size)[:, :3] += terms.joints.reshape(elastic.vertex_count, 3, size)
+    return total
+
+
+def moved_cameras(packed: np.ndarray, freedoms: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """(N, 17) packed cameras of a level after their freedoms (N, 10); scales (N,) as in `camera_terms`."""
+    result = packed.copy()
+    turned = Rotation.from_rotvec(freedoms[:, TURN]).as_matrix() @ packed[:, :9].reshape(-1, 3, 3)
+    centre = -np.einsum("vca,vc->va", packed[:, :9].reshape(-1, 3, 3), packed[:, 9:12]) + freedoms[:, SHIFT]
+    result[:, :9] = turned.reshape(-1, 9)
+    result[:, 9:12] = -np.einsum("vca,va->vc", turned, centre)
+    result[:, 12:14] *= np.exp(freedoms[:, FOCAL])[:, None]
+    result[:, 14:16] += freedoms[:, CENTRE] * scales[:, None]
+    result[:, 16] += freedoms[:, LENS]
+    return result

@@ -1,0 +1,225 @@
+"""Gauss-Newton steps of frame and cameras together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frametwin.fitting.camera_freedoms import (
+    FREEDOMS,
+    CameraTerms,
+    RigErrors,
+    camera_terms,
+    coupling_to_freedoms,
+    moved_cameras,
+)
+from frametwin.fitting.confidence import NOISE
+from frametwin.fitting.elastic import INNER, ElasticFrame
+from frametwin.fitting.fast_settings import CoarseStage
+from frametwin.fitting.motion import GROUND, Pose, as_rods, joint_system
+from frametwin.mechanics.beams import factorise
+from frametwin.raster import rods
+from frametwin.raster.pyramid import Level
+from frametwin.raster.rods import Terms, ViewTerms
+
+FEET = 0.05
+"""mm: standard deviation of a grounded joint's place on the plate."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPrior:
+    """What is known of the cameras and of the feet before any picture is looked at.
+
+    Attributes
+    ----------
+    weight : (N, 10) weights of the cameras' freedoms in the loss.
+    feet : weight of a grounded joint's shift, per mm^2.
+    """
+
+    weight: np.ndarray
+    feet: float
+
+    @classmethod
+    def of(cls, views: int, errors: RigErrors, feet: float = FEET) -> CameraPrior:
+        """From standard deviations; the loss is the squared residual, so its noise is that of a pixel."""
+        weight = NOISE**2 / errors.deviations() ** 2
+        return cls(np.tile(weight, (views, 1)), NOISE**2 / feet**2)
+
+
+def with_cameras(level: Level, freedoms: np.ndarray, scales: np.ndarray) -> Level:
+    """The level seen by cameras after their freedoms."""
+    return replace(level, cameras=moved_cameras(level.cameras, freedoms, scales))
+
+
+def feet_system(elastic: ElasticFrame, pose: Pose, weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """(V, 3, 3) and (V, 3): springs between grounded joints and their places on the plate."""
+    held = weight * elastic.frame.grounded[:, None]
+    return held[:, :, None] * np.eye(3), held * pose.joints[:, :3]
+
+
+def smooth_descent(
+    elastic: ElasticFrame,
+    motions: np.ndarray,
+    pose: Pose,
+    freedoms: np.ndarray,
+    prior: CameraPrior,
+    level: Level,
+    scales: np.ndarray,
+    stage: CoarseStage,
+    longest: float,
+) -> Iterator[tuple[Pose, np.ndarray, float]]:
+    """As `motion.smooth_descent`, cameras (N, 10) included; yields (pose, freedoms, loss) after every step."""
+
+    def look(at: Pose, cameras: np.ndarray) -> tuple[ViewTerms, CameraTerms, float, float]:
+        seen = with_cameras(level, cameras, scales)
+        drawn = as_rods(elastic, at, stage.pieces)
+        terms = rods.gauss_newton_by_view(drawn, seen)
+        loss = float(terms.losses.sum())
+        shift = at.joints.ravel()
+        extra = 0.5 * shift @ (stiffness @ shift) + 0.5 * float((prior.weight * cameras**2).sum())
+        extra += 0.5 * prior.feet * float(np.square(at.joints[elastic.frame.grounded, :3]).sum())
+        return terms, camera_terms(drawn, terms, seen.cameras, scales), loss, extra
+
+    stiffness = stage.pull * elastic.assemble(elastic.stiffness)
+    terms, cams, loss, extra = look(pose, freedoms)
+    damping, size = 1e-3, motions.shape[1]
+    for _ in range(stage.iterations):
+        summed = terms.summed()
+        feet, feet_slope = feet_system(elastic, pose, prior.feet)
+        summed = replace(
+            summed, joint_hessian=summed.joint_hessian + feet, joint_gradient=summed.joint_gradient + feet_slope
+        )
+        matrix, gradient = joint_system(elastic, summed)
+        coupling = motions.T @ coupling_to_freedoms(elastic, cams)
+        full = np.zeros((size + coupling.shape[1],) * 2)
+        full[:size, :size] = motions.T @ ((matrix + stiffness) @ motions)
+        full[:size, size:], full[size:, :size] = coupling, coupling.T
+        full[size:, size:] = _camera_matrix(cams, prior)
+        slope = np.concatenate(
+            [
+                motions.T @ (gradient + stiffness @ pose.joints.ravel()),
+                (cams.gradient + prior.weight * freedoms).ravel(),
+            ]
+        )
+        diagonal = np.diag(full).copy()
+        diagonal[:size] += 0.1 * diagonal[:size].mean()
+        while True:
+            step = np.linalg.solve(full + damping * np.diag(diagonal), -slope)
+            moved = (motions @ step[:size]).reshape(-1, 6)
+            if np.percentile(np.linalg.norm(moved[:, :3], axis=1), 98) <= longest or damping > 1e5:
+                break
+            damping *= 2.5
+        trial = pose.moved(moved, np.zeros_like(pose.inner))
+        turned = freedoms + step[size:].reshape(-1, FREEDOMS)
+        found = look(trial, turned)
+        if found[2] + found[3] >= loss + extra:
+            damping *= 4.0
+            if damping > 1e6:
+                return
+            continue
+        fall = loss + extra - found[2] - found[3]
+        pose, freedoms, damping = trial, turned, max(damping / 6.0, 1e-4)
+        terms, cams, loss, extra = found
+        yield pose, freedoms, loss
+        if fall < stage.gain * loss:
+            return
+
+
+def _camera_matrix(cams: CameraTerms, prior: CameraPrior) -> np.ndarray:
+    """(10N, 10N) of the cameras by themselves."""
+    views = len(cams.matrix)
+    result = np.zeros((views, FREEDOMS, views, FREEDOMS))
+    every = np.arange(views)
+    result[every, :, every] = cams.matrix + prior.weight[:, :, None] * np.eye(FREEDOMS)
+    return result.reshape(views * FREEDOMS, views * FREEDOMS)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """The system with the struts' own freedoms and the joints eliminated: what is left is the cameras'.
+
+    Attributes
+    ----------
+    matrix, slope : (10N, 10N) and (10N,).
+    joints, coupling : (6V,) the joints' step with cameras fixed, and (6V, 10N) how it changes with theirs.
+    inner, inner_joints, inner_cameras : (E, 6), (E, 6, 12) and (E, 6, 10N) of the struts' own, likewise.
+    """
+
+    matrix: np.ndarray
+    slope: np.ndarray
+    joints: np.ndarray
+    coupling: np.ndarray
+    inner: np.ndarray
+    inner_joints: np.ndarray
+    inner_cameras: np.ndarray
+
+
+def reduced_system(
+    elastic: ElasticFrame,
+    terms: Terms,
+    cams: CameraTerms,
+    pose: Pose,
+    anchor: Pose,
+    freedoms: np.ndarray,
+    prior: CameraPrior,
+    pull: float,
+    drag: float,
+) -> Reduced:
+    """Eliminate the frame from one Gauss-Newton step; see `motion.free_step` for the frame's part."""
+    follow = elastic.follow
+    turned = follow.transpose(0, 2, 1)
+    count, size = len(elastic.edges), cams.matrix.shape[0] * FREEDOMS
+    away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
+    bent = pose.inner - anchor.inner
+    stiffness = elastic.stiffness + elastic.spin_stiffness
+    struts = cams.struts.reshape(count, 12, size)
+    outer = np.matmul(turned, np.matmul(terms.hessian, follow)) + (pull + drag) * stiffness
+    mixed = np.matmul(turned, terms.hessian[:, :, INNER])
+    inner = terms.hessian[:, INNER, INNER] + (pull + drag) * elastic.inner_stiffness
+    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(stiffness, away[:, :, None])
+    inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
+    coupled = np.matmul(turned, struts)
+    inner_coupled = struts[:, INNER]
+    solved = np.linalg.solve(inner, np.concatenate([mixed.transpose(0, 2, 1), inner_slope, inner_coupled], axis=2))
+    by_joints, by_slope, by_cameras = solved[:, :, :12], solved[:, :, 12:13], solved[:, :, 13:]
+    outer -= np.matmul(mixed, by_joints)
+    slope -= np.matmul(mixed, by_slope)
+    coupled -= np.matmul(mixed, by_cameras)
+    own = _camera_matrix(cams, prior) - np.tensordot(inner_coupled, by_cameras, axes=([0, 1], [0, 1]))
+    own_slope = (cams.gradient + prior.weight * freedoms).ravel()
+    own_slope = own_slope - np.tensordot(inner_coupled, by_slope[:, :, 0], axes=([0, 1], [0, 1]))
+    held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
+    feet, feet_slope = feet_system(elastic, pose, prior.feet)
+    matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3) + feet)
+    shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
+    right = elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted + feet_slope)
+    border = np.zeros((6 * elastic.vertex_count, size))
+    np.add.at(border, elastic.freedoms, coupled)
+    border.reshape(-1, 6, size)[:, :3] += cams.joints.reshape(-1, 3, size)
+    both = factorise(elastic.anchored(matrix)).solve(np.column_stack([right, border]))
+    joints, by_border = both[:, 0], both[:, 1:]
+    return Reduced(
+        matrix=own - border.T @ by_border,
+        slope=own_slope - border.T @ joints,
+        joints=joints,
+        coupling=by_border,
+        inner=by_slope[:, :, 0],
+        inner_joints=by_joints,
+        inner_cameras=by_cameras,
+    )
+
+
+def whole_step(elastic: ElasticFrame, system: Reduced) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(V, 6), (E, 6) and (N, 10): the step of joints, struts and cameras."""
+    cameras = -np.linalg.solve(system.matrix, system.slope)
+    joints = -(system.joints + system.coupling @ cameras)
+    own = -system.inner - np.matmul(system.inner_joints, joints[elastic.freedoms][:, :, None])[:, :, 0]
+    own -= system.inner_cameras @ cameras
+    return joints.reshape(-1, 6), own, cameras.reshape(-1, FREEDOMS)
+
+
+def gain_of_cameras(system: Reduced) -> float:
+    """By how much the loss would fall, to second order, were the cameras free."""
+    return 0.5 * float(system.slope @ np.linalg.solve(system.matrix, system.slope))

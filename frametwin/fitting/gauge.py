@@ -1,0 +1,142 @@
+"""What holds the world when cameras are free: feet on the plate, the cameras' own places, and lengths.
+
+Pictures cannot tell a print that is shifted, turned or enlarged from cameras that are so together. Such a similarity
+of everything changes no pixel; which one is right is decided here, after the fit, by what is known beside the pictures.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from frametwin.fitting.camera_freedoms import SHIFT, TURN, RigErrors
+from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.motion import Pose
+from frametwin.geometry import bezier
+
+FEET = 0.05
+"""mm: standard deviation of a foot on the plate, as it was planned and as it is seen."""
+
+LENGTH = 1e-3
+"""Standard deviation of the common factor of all struts' lengths."""
+
+ROUNDS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """x -> scale rotation x + shift; scale, rotation (3, 3), shift (3,) mm."""
+
+    scale: float
+    rotation: np.ndarray
+    shift: np.ndarray
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) after it."""
+        return self.scale * points @ self.rotation.T + self.shift
+
+    def after(self, other: Similarity) -> Similarity:
+        """The other one first, then this."""
+        return Similarity(self.scale * other.scale, self.rotation @ other.rotation, self(other.shift))
+
+
+IDENTITY = Similarity(1.0, np.eye(3), np.zeros(3))
+
+
+def moved_rig(packed: np.ndarray, freedoms: np.ndarray, motion: Similarity) -> np.ndarray:
+    """Freedoms (N, 10) of cameras that were moved along; packed (N, 17) are the rig's own."""
+    result = freedoms.copy()
+    own = packed[:, :9].reshape(-1, 3, 3)
+    rest = -np.einsum("vca,vc->va", own, packed[:, 9:12])
+    result[:, SHIFT] = motion(rest + freedoms[:, SHIFT]) - rest
+    turned = Rotation.from_rotvec(freedoms[:, TURN]).as_matrix() @ own @ motion.rotation.T
+    result[:, TURN] = Rotation.from_matrix(turned @ own.transpose(0, 2, 1)).as_rotvec()
+    return result
+
+
+def moved_pose(elastic: ElasticFrame, pose: Pose, motion: Similarity) -> Pose:
+    """The print moved along, with its radii."""
+    plan = elastic.frame.control_points
+    curves = motion(elastic.displaced(plan, pose.joints, pose.inner))
+    joints, inner = elastic.freedoms_of(curves - plan)
+    loose = np.ones(elastic.vertex_count, dtype=bool)
+    loose[elastic.edges.ravel()] = False
+    joints[loose] = pose.joints[loose]
+    return Pose(joints, inner, pose.radius * motion.scale, pose.opacity)
+
+
+def held_world(
+    elastic: ElasticFrame,
+    pose: Pose,
+    packed: np.ndarray,
+    freedoms: np.ndarray,
+    errors: RigErrors,
+    feet: float | None = FEET,
+) -> Similarity:
+    """The similarity that brings print and cameras to where feet, cameras and lengths most probably are.
+
+    Gauss-Newton over the seven freedoms of a similarity; feet with Huber's weights, so that one that is hidden or came
+    off the plate does not carry the others along. ``feet`` ``None`` leaves them out.
+    """
+    total = IDENTITY
+    frame = elastic.frame
+    where = frame.vertices[frame.grounded] + pose.joints[frame.grounded, :3]
+    planned = frame.vertices[frame.grounded]
+    ratio = _length_ratio(elastic, pose)
+    for _ in range(ROUNDS):
+        rows, values = [], []
+        if feet is not None and len(planned):
+            now = total(where)
+            gap = np.linalg.norm(now - planned, axis=1)
+            weight = 1.0 / np.sqrt(np.maximum(1.0, gap / (2.0 * feet))) / feet
+            rows.append((_by_similarity(now) * weight[:, None, None]).reshape(-1, 7))
+            values.append(((now - planned) * weight[:, None]).ravel())
+        own = moved_rig(packed, freedoms, total)
+        rows.append(_by_camera(packed, own, errors))
+        values.append(np.column_stack([own[:, TURN] / np.deg2rad(errors.turn), own[:, SHIFT] / errors.shift]).ravel())
+        rows.append(np.array([[0.0] * 6 + [1.0 / LENGTH]]))
+        values.append(np.array([(np.log(total.scale) + np.log(ratio)) / LENGTH]))
+        step = -np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=None)[0]
+        small = Similarity(float(np.exp(step[6])), Rotation.from_rotvec(step[3:6]).as_matrix(), step[:3])
+        total = small.after(total)
+        if np.abs(step).max() < 1e-9:
+            break
+    return total
+
+
+def _length_ratio(elastic: ElasticFrame, pose: Pose) -> float:
+    """How much longer the struts are than planned: the median."""
+    plan = elastic.frame.control_points
+    now = bezier.arc_length(elastic.displaced(plan, pose.joints, pose.inner))
+    return float(np.median(now / bezier.arc_length(plan)))
+
+
+def _by_similarity(points: np.ndarray) -> np.ndarray:
+    """(N, 3, 7) motion of points by shift, turn about the origin and logarithm of the scale."""
+    x, y, z = points.T
+    zero = np.zeros_like(x)
+    result = np.zeros((len(points), 3, 7))
+    result[:, :, :3] = np.eye(3)
+    result[:, :, 3] = np.stack([zero, -z, y], axis=1)
+    result[:, :, 4] = np.stack([z, zero, -x], axis=1)
+    result[:, :, 5] = np.stack([-y, x, zero], axis=1)
+    result[:, :, 6] = points
+    return result
+
+
+def _by_camera(packed: np.ndarray, freedoms: np.ndarray, errors: RigErrors) -> np.ndarray:
+    """(6N, 7) cameras' turns and shifts, each over its standard deviation, by the similarity."""
+    own = packed[:, :9].reshape(-1, 3, 3)
+    centres = -np.einsum("vca,vc->va", own, packed[:, 9:12]) + freedoms[:, SHIFT]
+    result = np.zeros((len(packed), 6, 7))
+    result[:, :3, 3:6] = -own / np.deg2rad(errors.turn)
+    result[:, 3:] = _by_similarity(centres) / errors.shift
+    return result.reshape(-1, 7)
+
+
+def rig_misfit(freedoms: np.ndarray, errors: RigErrors) -> float:
+    """Squared corrections of all cameras' poses over their variances, 6 a camera when the rig's errors are as stated."""
+    scaled = np.column_stack([freedoms[:, TURN] / np.deg2rad(errors.turn), freedoms[:, SHIFT] / errors.shift])
+    return float(np.square(scaled).sum())
