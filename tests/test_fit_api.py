@@ -14,8 +14,9 @@ from frametwin.errors import InputError
 from frametwin.fields.lattice import LatticeField, even_cells
 from frametwin.fields.lattice_fit import MOST_COEFFICIENTS
 from frametwin.fitting import api
-from frametwin.fitting.api import FitResult, _filled, field_through, fit_views, read_field, settings_of, write_run
+from frametwin.fitting.api import FitResult, fit_views, read_field, settings_of, write_run
 from frametwin.fitting.fast_settings import FastSettings
+from frametwin.fitting.frame_field import MARGIN, field_through, moved_curves
 from frametwin.fitting.settings import FitSettings
 from frametwin.formats import read_frame
 from frametwin.geometry import bezier
@@ -58,7 +59,7 @@ def test_the_field_follows_a_bent_frame_and_reaches_beyond_it() -> None:
     field = field_through(frame, moved, (2, 5))
     np.testing.assert_allclose(field.evaluate(points.reshape(-1, 3)), bent(points.reshape(-1, 3)), atol=0.02)
     low, high = frame.bounds
-    margin = api.FIELD_MARGIN * frame.extent
+    margin = MARGIN * frame.extent
     np.testing.assert_allclose(field.box, [low - margin, high + margin])
 
 
@@ -75,11 +76,12 @@ def test_a_strut_of_little_weight_hardly_bends_the_field() -> None:
     assert wary.max() < 0.05
 
 
-def test_rows_of_kernels_are_stretched_to_the_widest() -> None:
-    gap = np.nan
-    table = np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, gap, gap], [0.7, gap, gap, gap], [0.1, 0.5, 0.9, gap]])
-    wanted = [[0.1, 0.2, 0.3, 0.4], [0.5, 0.5, 0.6, 0.6], [0.7] * 4, [0.1, 0.1, 0.5, 0.9]]
-    np.testing.assert_array_equal(_filled(table), wanted)
+@pytest.mark.parametrize("name", FRAMES)
+def test_curves_moved_by_a_field_give_back_the_field(name: str) -> None:
+    frame = FRAMES[name]
+    field = field_through(frame, frame.control_points + affine(frame.control_points), (2, 5))
+    wanted = frame.control_points + affine(frame.control_points)  # cubics stay cubics under affine motions
+    np.testing.assert_allclose(moved_curves(frame, field), wanted, atol=1e-6)
 
 
 def test_settings_by_name() -> None:

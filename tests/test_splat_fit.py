@@ -16,11 +16,14 @@ from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import Cancelled, InputError
 from frametwin.fields.network import NetworkField
 from frametwin.fields.sampling import CurveSampling
+from frametwin.fitting.api import fit_views
+from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.settings import FIELD_KINDS, PRESETS, FitSettings, preset
-from frametwin.fitting.splat_fit import SplatFit, fit_splats
+from frametwin.fitting.splat_fit import SplatFitter
+from frametwin.fitting.splat_model import stretched
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.progress import Progress
+from frametwin.progress import Progress, ProgressCallback
 from frametwin.raster.silhouette import silhouettes
 
 QUICK = {"iterations": 4, "samples": 4, "kernels_per_strut": 4, "bending_samples": 64}
@@ -72,6 +75,16 @@ def scene(curved_frame: Wireframe) -> tuple[Wireframe, Wireframe, list[Camera], 
     return curved_frame, truth, cameras, pictures(truth, cameras)
 
 
+def fit_splats(
+    plan: Wireframe,
+    cameras: list[Camera],
+    masks: list[np.ndarray],
+    settings: FitSettings,
+    callback: ProgressCallback | None = None,
+) -> PartFit:
+    return SplatFitter(settings).fit(plan, cameras, masks, callback=callback)
+
+
 class TestFit:
     @pytest.mark.parametrize(
         ("name", "rates", "share"),
@@ -91,14 +104,14 @@ class TestFit:
         before = error(plan.control_points, truth)
         assert before > 1.0
         assert error(fit.control_points, truth) < share * before
-        assert fit.loss_history[-1] < 0.5 * fit.loss_history[0]
-        assert len(fit.loss_history) == 80
+        assert fit.loss[-1] < 0.5 * fit.loss[0]
+        assert len(fit.loss) == 80
 
     def test_free_control_points_follow_the_pictures(self, scene: tuple) -> None:
         plan, _, cameras, masks = scene
         changes = {**QUICK, "iterations": 40, "learning_rate": 8e-3}
         fit = fit_splats(plan, cameras, masks, preset("curve-driven", **changes))
-        assert fit.loss_history[-1] < 0.5 * fit.loss_history[0]
+        assert fit.loss[-1] < 0.5 * fit.loss[0]
 
     def test_thickness_comes_out_as_the_radius(self, scene: tuple) -> None:
         plan, _, cameras, _ = scene
@@ -140,19 +153,35 @@ class TestFit:
         np.testing.assert_allclose(fit.opacity, 0.8, rtol=1e-6)
         np.testing.assert_allclose(fit.thickness, 1.0, rtol=1e-5)
 
-    def test_kernels_that_adapt_leave_gaps_in_the_tables(self, scene: tuple) -> None:
+    def test_struts_with_fewer_kernels_repeat_theirs(self, scene: tuple) -> None:
         plan, _, cameras, masks = scene
         settings = preset("paper", adaptive_kernels=True, **{**QUICK, "kernels_per_strut": 30})
         fit = fit_splats(plan, cameras, masks, settings)
-        counts = np.isfinite(fit.thickness).sum(axis=1)
-        assert counts.min() < counts.max() == fit.thickness.shape[1]
-        assert np.array_equal(np.isnan(fit.thickness), np.isnan(fit.opacity))
+        assert fit.thickness.shape == fit.opacity.shape and np.isfinite(fit.thickness).all()
+        width = fit.opacity.shape[1]
+        counts = np.array([len(np.unique(row)) for row in fit.opacity])  # no two kernels learn the very same
+        assert counts.min() < counts.max() <= width
         assert np.corrcoef(counts, plan.lengths)[0, 1] > 0.95
+        changes = [np.diff(table, axis=1) != 0.0 for table in (fit.opacity, fit.thickness)]
+        assert np.array_equal(*changes)
+
+    def test_rows_of_kernels_are_stretched_to_the_widest(self) -> None:
+        counts = np.array([4, 2, 1, 3])
+        wanted = [[0.1, 0.2, 0.3, 0.4], [0.5, 0.5, 0.6, 0.6], [0.7] * 4, [0.1, 0.1, 0.5, 0.9]]
+        values = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.1, 0.5, 0.9])
+        np.testing.assert_array_equal(stretched(values, counts), wanted)
+
+    def test_joints_and_confidence_belong_to_the_curves(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        fit = fit_splats(plan, cameras, masks, preset("paper", **QUICK))
+        for side, corner in ((0, 0), (1, 3)):
+            assert np.array_equal(fit.vertices[plan.edges[:, side]], fit.control_points[:, corner])
+        assert fit.confidence.shape == (24,) and ((fit.confidence > 0.0) & (fit.confidence <= 1.0)).all()
 
     def test_smaller_pictures(self, scene: tuple) -> None:
         plan, _, cameras, masks = scene
         losses = [
-            fit_splats(plan, cameras, masks, preset("paper", image_scale=scale, **QUICK)).loss_history[0]
+            fit_splats(plan, cameras, masks, preset("paper", image_scale=scale, **QUICK)).loss[0]
             for scale in (1.0, 0.5)
         ]
         assert losses[1] == pytest.approx(losses[0] / 4.0, rel=0.25)  # a quarter of the pixels
@@ -166,7 +195,7 @@ class TestRepeatability:
         one, other = (fit_splats(plan, cameras, masks, settings) for _ in range(2))
         for field in ("control_points", "thickness", "opacity"):
             assert np.array_equal(getattr(one, field), getattr(other, field))
-        assert one.loss_history == other.loss_history
+        assert one.loss == other.loss
         for name, tensor in one.field.tensors().items():
             assert np.array_equal(tensor, other.field.tensors()[name])
 
@@ -190,7 +219,7 @@ class TestProgress:
         fit = fit_splats(plan, cameras, masks, preset("paper", **QUICK), seen.append)
         assert [p.iteration for p in seen] == [1, 2, 3, 4]
         assert {p.total for p in seen} == {4}
-        assert [p.loss for p in seen] == fit.loss_history
+        assert [p.loss for p in seen] == fit.loss
         assert seen[0].control_points is not None
         np.testing.assert_allclose(seen[0].control_points, plan.control_points, atol=1e-12)  # starts at the plan
 
@@ -209,24 +238,27 @@ class TestProgress:
 
 
 class TestRefusals:
-    def fit(self, scene: tuple, cameras: list, masks: list) -> SplatFit:
-        return fit_splats(scene[0], cameras, masks, preset("paper", **QUICK))
+    def fit(self, scene: tuple, cameras: list, masks: list, preset: str = "paper") -> None:
+        fit_views(scene[0], cameras, masks, preset, changes={} if preset == "fast" else QUICK)
 
-    def test_pictures_and_cameras_of_different_number(self, scene: tuple) -> None:
+    @pytest.mark.parametrize("preset", ["paper", "fast"])
+    def test_pictures_and_cameras_of_different_number(self, scene: tuple, preset: str) -> None:
         with pytest.raises(InputError, match="views: there are 4 pictures for 5 cameras"):
-            self.fit(scene, scene[2], scene[3][:-1])
+            self.fit(scene, scene[2], scene[3][:-1], preset)
         with pytest.raises(InputError, match="views"):
-            self.fit(scene, [], [])
+            self.fit(scene, [], [], preset)
 
-    def test_pictures_of_another_size(self, scene: tuple) -> None:
+    @pytest.mark.parametrize("preset", ["paper", "fast"])
+    def test_pictures_of_another_size(self, scene: tuple, preset: str) -> None:
         masks = [*scene[3][:2], scene[3][2].T, *scene[3][3:]]
         with pytest.raises(InputError, match=f"{scene[2][2].name}: size"):
-            self.fit(scene, scene[2], masks)
+            self.fit(scene, scene[2], masks, preset)
 
-    def test_cameras_with_distortion(self, scene: tuple) -> None:
+    @pytest.mark.parametrize("preset", ["paper", "fast"])
+    def test_cameras_with_distortion(self, scene: tuple, preset: str) -> None:
         bad = dataclasses.replace(scene[2][0], distortion=np.array([0.1, 0.0, 0.0, 0.0, 0.0]))
         with pytest.raises(InputError, match="distortion: is not zero"):
-            self.fit(scene, [bad, *scene[2][1:]], scene[3])
+            self.fit(scene, [bad, *scene[2][1:]], scene[3], preset)
 
     def test_a_fit_that_diverges(self, scene: tuple, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(NetworkField, "forward", lambda self, points: points * float("nan"))

@@ -122,3 +122,21 @@ def test_twin_as_a_wireframe(straight_frame: Wireframe, curved_frame: Wireframe)
         make(moved).as_wireframe(part)
     with pytest.raises(InputError, match="control_points"):
         make(moved, vertices=curved_frame.vertices).as_wireframe(straight_frame)
+
+
+def test_a_copy_differs_in_what_was_changed_alone(curved_frame: Wireframe) -> None:
+    twin = make(curved_frame)
+    moved = twin.replace(timing={"fit": 2.0}, vertices=twin.vertices + 1.0)
+    assert moved.timing == {"fit": 2.0} and np.array_equal(moved.vertices, twin.vertices + 1.0)
+    assert twin.timing == {"fit": 1.25, "read": 0.1}
+    for name in set(ARRAYS) - {"vertices"}:
+        assert np.array_equal(getattr(moved, name), getattr(twin, name)), name
+    assert (moved.loss, moved.provenance) == (twin.loss, twin.provenance)
+
+
+def test_a_copy_is_checked_anew(curved_frame: Wireframe) -> None:
+    twin = make(curved_frame)
+    with pytest.raises(InputError, match=r"^run 3: opacity\[0\]\[0\]: "):
+        twin.replace(opacity=np.full((24, 20), 1.01), source="run 3")
+    with pytest.raises(TypeError, match="colour"):
+        twin.replace(colour=1.0)

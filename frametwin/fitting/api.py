@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from frametwin import __version__
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture
 from frametwin.errors import InputError
 from frametwin.fields.base import DeformationField
-from frametwin.fields.lattice import LatticeField, even_cells
-from frametwin.fields.lattice_fit import fit_lattice
 from frametwin.fields.store import load_field, save_field
 from frametwin.files import PathLike, staged_directory
-from frametwin.fitting import settings as splat_settings
-from frametwin.fitting.fast import fit_fast
-from frametwin.fitting.fast_settings import FastSettings
+from frametwin.fitting.part_fit import PartFit
+from frametwin.fitting.presets import PRESETS, fitter_of, settings_of
 from frametwin.formats import write_frame
-from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.imaging.masks import read_masks
 from frametwin.progress import ProgressCallback
@@ -33,11 +28,9 @@ from frametwin.twin import twin as twin_files
 from frametwin.twin.blending import blend
 from frametwin.twin.twin import Twin
 
-PRESETS: tuple[str, ...] = ("fast", *splat_settings.PRESETS)
+__all__ = ["PRESETS", "FitResult", "fit_capture", "fit_views", "read_field", "settings_of", "write_run"]
+
 FIELD_FILE = "field.safetensors"
-FIELD_SAMPLES = 8
-FIELD_MARGIN = 0.1
-"""How far the field's box reaches beyond the frame's, as a share of the longest side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +40,9 @@ class FitResult:
     twin: Twin
     field: DeformationField
 
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """What a preset found for the printed struts."""
-
-    control_points: np.ndarray
-    vertices: np.ndarray
-    thickness: np.ndarray
-    opacity: np.ndarray
-    confidence: np.ndarray
-    field: DeformationField
-    loss: Sequence[float]
-    timing: Mapping[str, float]
+    def with_twin(self, **changes: Any) -> FitResult:
+        """The same with other values in some fields of the twin; see `Twin.replace`."""
+        return replace(self, twin=self.twin.replace(**changes))
 
 
 def fit_capture(
@@ -110,19 +93,9 @@ def fit_capture(
         callback=callback,
     )
     twin = result.twin
-    return FitResult(
-        Twin(
-            control_points=twin.control_points,
-            vertices=twin.vertices,
-            thickness=twin.thickness,
-            opacity=twin.opacity,
-            completeness=twin.completeness,
-            confidence=twin.confidence,
-            loss=twin.loss,
-            timing={"read": read, **twin.timing, "total": perf_counter() - began},
-            provenance={**twin.provenance, "inputs": input_hashes(capture)},
-        ),
-        result.field,
+    return result.with_twin(
+        timing={"read": read, **twin.timing, "total": perf_counter() - began},
+        provenance={**twin.provenance, "inputs": input_hashes(capture)},
     )
 
 
@@ -138,59 +111,50 @@ def fit_views(
     callback: ProgressCallback | None = None,
 ) -> FitResult:
     """As `fit_capture`, from a frame, cameras without distortion and masks (H, W) in memory."""
-    printed, struts, joints = frame.printed_part()
-    settings = settings_of(preset, seed, changes)
+    fitter = fitter_of(preset, seed, changes)
+    _check_views(cameras, masks)
     began = perf_counter()
-    if isinstance(settings, FastSettings):
-        part = _fit_fast(printed, cameras, masks, settings, start, callback)
-    else:
-        part = _fit_splats(printed, cameras, masks, settings, start, callback)
-    vertices, control_points = _spread(frame, joints, part.vertices, struts, part.control_points)
+    printed, struts, joints = frame.printed_part()
+    part = fitter.fit(printed, cameras, masks, start, callback)
+    twin = _whole(frame, struts, joints, part)
+    provenance = {"frametwin": __version__, "preset": preset, "seed": seed, "changes": dict(changes or {})}
+    timing = {**part.timing, "fit": perf_counter() - began}
+    return FitResult(twin.replace(timing=timing, provenance=provenance), part.field)
+
+
+def _check_views(cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> None:
+    """Refuse pictures and cameras that do not belong together."""
+    if not cameras or len(cameras) != len(masks):
+        problem = f"there are {len(masks)} pictures for {len(cameras)} cameras"
+        raise InputError.at("capture", "views", problem, "give one picture for each camera, and at least one")
+    for camera, mask in zip(cameras, masks, strict=True):
+        if camera.has_distortion:
+            raise InputError.at(camera.name, "distortion", "is not zero", "undistort the picture and its camera first")
+        if np.shape(mask) != (camera.height, camera.width):
+            problem = f"the picture is {np.shape(mask)} where the camera has {(camera.height, camera.width)}"
+            raise InputError.at(camera.name, "size", problem, "give the picture that belongs to the camera")
+
+
+def _whole(frame: Wireframe, struts: np.ndarray, joints: np.ndarray, part: PartFit) -> Twin:
+    """The twin of a frame, of which the given struts and joints were fitted, the others blended to meet them."""
+    vertices, control_points = np.array(frame.vertices), np.array(frame.control_points)
+    vertices[joints], control_points[struts] = part.vertices, part.control_points
     vertices, control_points = blend(frame, vertices, control_points, part.field.evaluate)
-    kernels = part.thickness.shape[1]
-    thickness = np.repeat(frame.radius[:, None], kernels, axis=1)
+    thickness = np.repeat(frame.radius[:, None], part.thickness.shape[1], axis=1)
     thickness[struts] = part.thickness
-    opacity = np.zeros((frame.strut_count, kernels))
+    opacity = np.zeros_like(thickness)
     opacity[struts] = part.opacity
     confidence = np.zeros(frame.strut_count)
     confidence[struts] = part.confidence
-    return FitResult(
-        Twin(
-            control_points=control_points,
-            vertices=vertices,
-            thickness=thickness,
-            opacity=opacity,
-            completeness=opacity.mean(axis=1),
-            confidence=confidence,
-            loss=part.loss,
-            timing={**part.timing, "fit": perf_counter() - began},
-            provenance={
-                "frametwin": __version__,
-                "preset": preset,
-                "seed": seed,
-                "changes": dict(changes or {}),
-            },
-        ),
-        part.field,
+    return Twin(
+        control_points=control_points,
+        vertices=vertices,
+        thickness=thickness,
+        opacity=opacity,
+        completeness=opacity.mean(axis=1),
+        confidence=confidence,
+        loss=part.loss,
     )
-
-
-def settings_of(
-    preset: str, seed: int = 0, changes: Mapping[str, Any] | None = None
-) -> FastSettings | splat_settings.FitSettings:
-    """Settings by the preset's name, with changes.
-
-    Raises
-    ------
-    InputError
-        If the preset or a setting is unknown or a value out of range.
-    """
-    wanted = dict(changes or {})
-    if preset == "fast":
-        return FastSettings(seed=seed).replace(**wanted)
-    if preset not in PRESETS:
-        raise InputError.at("settings", "preset", f"{preset!r} is unknown", f"give one of {', '.join(PRESETS)}")
-    return splat_settings.preset(preset, **{"seed": seed, **wanted})
 
 
 def read_field(path: PathLike) -> DeformationField:
@@ -211,126 +175,6 @@ def write_run(folder: PathLike, result: FitResult, capture: Capture, overwrite: 
         twin_files.write_twin(stage, result.twin)
         save_field(stage / FIELD_FILE, result.field)
         write_frame(stage / "frame.json", capture.frame)
-
-
-def _fit_fast(
-    printed: Wireframe,
-    cameras: Sequence[Camera],
-    masks: Sequence[np.ndarray],
-    settings: FastSettings,
-    start: DeformationField | None,
-    callback: ProgressCallback | None,
-) -> _Part:
-    warm = None if start is None else _moved_by(printed, start)
-    found = fit_fast(printed, cameras, masks, settings, callback, warm)
-    began = perf_counter()
-    with threadpool_limits(limits=1, user_api="blas"):  # small matrices: other threads would only be in the way
-        field = field_through(printed, found.control_points, settings.field_cells, found.confidence)
-    return _Part(
-        control_points=found.control_points,
-        vertices=found.vertices,
-        thickness=found.thickness,
-        opacity=found.opacity,
-        confidence=found.confidence,
-        field=field,
-        loss=found.loss_history,
-        timing={**found.timing, "field": perf_counter() - began},
-    )
-
-
-def _fit_splats(
-    printed: Wireframe,
-    cameras: Sequence[Camera],
-    masks: Sequence[np.ndarray],
-    settings: splat_settings.FitSettings,
-    start: DeformationField | None,
-    callback: ProgressCallback | None,
-) -> _Part:
-    from frametwin.fitting.confidence import confidence
-    from frametwin.fitting.elastic import ElasticFrame
-    from frametwin.fitting.splat_fit import fit_splats
-    from frametwin.raster.pyramid import Pyramid
-    from frametwin.raster.rods import Rods, gauss_newton
-
-    if start is not None:
-        raise InputError.at(
-            "settings",
-            "warm start",
-            f"the preset {settings.preset} starts at the plan",
-            "use the preset fast",
-        )
-    found = fit_splats(printed, cameras, masks, settings, callback)
-    vertices = np.array(printed.vertices)
-    for side, corner in ((0, 0), (1, 3)):
-        vertices[printed.edges[:, side]] = found.control_points[:, corner]
-    planned = np.broadcast_to(printed.radius[:, None], found.thickness.shape)
-    thickness = np.where(np.isnan(found.thickness), planned, found.thickness)
-    opacity = _filled(found.opacity)
-    drawn = Rods(found.control_points, vertices, printed.edges, np.array(planned), np.ones(planned.shape))
-    terms = gauss_newton(drawn, Pyramid(cameras, masks).level(0.5, 0.7))
-    return _Part(
-        control_points=found.control_points,
-        vertices=vertices,
-        thickness=thickness,
-        opacity=opacity,
-        confidence=confidence(ElasticFrame(printed), terms),
-        field=found.field,
-        loss=found.loss_history,
-        timing={},
-    )
-
-
-def _filled(opacity: np.ndarray) -> np.ndarray:
-    """A table of equal width of struts with different numbers of kernels: each row stretched to the width."""
-    count = np.sum(~np.isnan(opacity), axis=1)
-    width = opacity.shape[1]
-    column = (np.arange(width)[None, :] * count[:, None]) // width
-    return np.take_along_axis(opacity, column, axis=1)
-
-
-def field_through(
-    frame: Wireframe, control_points: np.ndarray, cells: Sequence[int], weight: np.ndarray | None = None
-) -> LatticeField:
-    """The smooth field that moves a frame's curves to given ones, and everything between along with them.
-
-    Parameters
-    ----------
-    frame
-        The plan, of the struts that were fitted.
-    control_points
-        (E, 4, 3) where they are, mm.
-    cells
-        Cells of each level of the lattice, along the longest side of the box.
-    weight
-        (E,) say of each strut; struts that the views do not determine should have little.
-    """
-    u = np.linspace(0.0, 1.0, FIELD_SAMPLES + 1)
-    points = bezier.evaluate(frame.control_points, u)
-    shift = bezier.evaluate(control_points, u) - points
-    low, high = frame.bounds
-    margin = FIELD_MARGIN * frame.extent
-    box = np.array([low - margin, high + margin])
-    say = None if weight is None else np.repeat(np.maximum(weight, 1e-3), len(u))
-    resolutions = [even_cells(box, count) for count in cells]
-    return fit_lattice(points.reshape(-1, 3), shift.reshape(-1, 3), say, box, resolutions, bending=1e-7)
-
-
-def _moved_by(frame: Wireframe, field: DeformationField) -> np.ndarray:
-    """(E, 4, 3) control points of the frame, moved by a field (paper, Eq. 6 to 8)."""
-    u = np.linspace(0.0, 1.0, FIELD_SAMPLES + 1)
-    points = bezier.evaluate(frame.control_points, u)
-    moved = points + field.evaluate(points.reshape(-1, 3)).reshape(points.shape)
-    return np.einsum("cj,sjx->scx", bezier.refit_matrix(FIELD_SAMPLES), moved)
-
-
-def _spread(
-    frame: Wireframe, joints: np.ndarray, vertices: np.ndarray, struts: np.ndarray, curves: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Arrays of the whole frame with those of its printed part put in."""
-    all_vertices, all_curves = np.array(frame.vertices), np.array(frame.control_points)
-    all_vertices[joints] = vertices
-    all_curves[struts] = curves
-    return all_vertices, all_curves
 
 
 def input_hashes(capture: Capture) -> dict[str, str]:

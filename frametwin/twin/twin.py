@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, fields
@@ -106,6 +107,18 @@ class Twin:
     def strut_count(self) -> int:
         """Number of struts E."""
         return len(self.control_points)
+
+    def replace(self, **changes: Any) -> Twin:
+        """A copy with other values in some fields, checked anew.
+
+        Raises
+        ------
+        InputError
+            If a value is of another shape, not finite, or out of its range.
+        TypeError
+            If there is no such field.
+        """
+        return dataclasses.replace(self, **changes)
 
     def as_wireframe(self, frame: Wireframe) -> Wireframe:
         """Give the plan ``frame`` the twin's curves.

@@ -1,0 +1,124 @@
+"""Stages of the fast fit: each takes a state and gives the next one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from frametwin.fitting import presence
+from frametwin.fitting.fast_settings import Stage
+from frametwin.fitting.fast_state import Problem, State, drawn, stepped, terms_of
+from frametwin.fitting.loads import load_answers, rigid_motions, smooth_warps
+from frametwin.fitting.motion import free_step, smooth_descent
+from frametwin.raster.rods import Terms
+
+WEAK = 1e-4
+"""What is left of the weight of a strut that is astray, while its neighbours place it."""
+
+
+def search(problem: Problem, state: State) -> State:
+    """The frame's own motions first; where they leave struts astray, also motions that ask nothing of the frame.
+
+    The better of the two stays.
+    """
+    frame, elastic, settings = problem.frame, problem.elastic, problem.settings
+    rigid, answers = rigid_motions(frame.vertices), load_answers(elastic, settings.cells)
+    own = _attempt(problem, state, np.concatenate([rigid, answers], axis=1), pull=1.0)
+    if astray(problem, own, settings.refine[-1]).mean() <= settings.troubled:
+        return own
+    warps = smooth_warps(elastic, settings.cells)
+    afresh = replace(state, record=own.record)
+    any_way = _attempt(problem, afresh, np.concatenate([rigid, warps, answers], axis=1), pull=0.0)
+    better = min((own, any_way), key=lambda found: found.last_terms.loss)
+    return replace(better, record=any_way.record)
+
+
+def _attempt(problem: Problem, state: State, motions: np.ndarray, pull: float) -> State:
+    """Smooth motions (6V, M), their elastic energy weighted with ``pull``, and then every joint and strut."""
+    return refine(problem, smooth_stages(problem, state, motions, pull).anchored().lapped("coarse"))
+
+
+def smooth_stages(problem: Problem, state: State, motions: np.ndarray, pull: float) -> State:
+    """All coarse stages, in the span of ``motions`` (6V, M), their elastic energy weighted with ``pull`` more."""
+    for stage in problem.settings.coarse:
+        stage = replace(stage, pull=pull * stage.pull)
+        level, longest = problem.level(stage), stage.longest / problem.levels.pixels_per_mm(stage.detail)
+        for pose, loss in smooth_descent(problem.elastic, motions, state.pose, level, stage, longest):
+            state = stepped(problem, replace(state, pose=pose), "smooth motion", loss, level)
+    return state
+
+
+def refine(problem: Problem, state: State) -> State:
+    """The stages with every joint and strut free."""
+    for stage in problem.settings.refine:
+        state = free_stage(problem, state, stage)
+    return state.lapped("refine")
+
+
+def finish(problem: Problem, state: State) -> State:
+    """The last stages, in the sharpest pictures."""
+    for stage in problem.settings.finish:
+        state = free_stage(problem, state, stage)
+    return state.lapped("finish")
+
+
+def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | None = None) -> State:
+    """Gauss-Newton steps of every joint and strut.
+
+    Parameters
+    ----------
+    problem, state, stage
+        What is fitted, from where, and how.
+    lost : (E,) array of bool, optional
+        Struts that are astray and shall go where their neighbours take them.
+    """
+    level, density = problem.level(stage), problem.levels.pixels_per_mm(stage.detail)
+    for _ in range(stage.iterations):
+        terms = terms_of(problem, state, stage)
+        heard = terms if lost is None else _without(terms, problem.frame.edges, lost)
+        joints, inner = free_step(problem.elastic, heard, state.pose, state.anchor, stage.pull, stage.drag)
+        furthest = np.percentile(np.linalg.norm(joints[:, :3], axis=1), 99) * density
+        share = stage.share * min(1.0, stage.longest / max(furthest, 1e-12))
+        pose = state.pose.moved(share * joints, share * inner)
+        if problem.settings.learn_thickness and stage.detail > 1.0:
+            pose = presence.learn_thickness(pose, problem.frame.radius, terms.widths)
+        state = stepped(problem, replace(state, pose=pose, terms=terms), "joints and struts", terms.loss, level)
+    return state
+
+
+def recover(problem: Problem, state: State) -> State:
+    """Give struts that lie on black another chance, then take what is still not there as missing."""
+    stage, settings = problem.settings.refine[-1], problem.settings
+    lost = astray(problem, state, stage)
+    if lost.any():
+        state = free_stage(problem, state, replace(stage, iterations=2, drag=0.0), lost)
+        for again in settings.recover:
+            state = free_stage(problem, state, again)
+    if settings.learn_opacity:
+        frame = problem.frame
+        opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), problem.level(stage))
+        shortest = presence.shortest_gap(frame.chord_lengths, frame.radius, stage.pieces)
+        there = presence.without_gaps(opacity, settings.absent, shortest)
+        state = replace(state, pose=replace(state.pose, opacity=there))
+    return state.lapped("recover")
+
+
+def astray(problem: Problem, state: State, stage: Stage) -> np.ndarray:
+    """(E,) array of bool: struts of whose pixels too few are white."""
+    whiteness = presence.strut_whiteness(drawn(problem, state, stage.pieces), problem.level(stage))
+    return whiteness < problem.settings.suspicious
+
+
+def _without(terms: Terms, edges: np.ndarray, lost: np.ndarray) -> Terms:
+    """The terms with next to nothing from struts that are astray and from joints that only they reach."""
+    weight = np.where(lost, WEAK, 1.0)
+    joint_weight = np.full(len(terms.joint_gradient), WEAK)
+    np.maximum.at(joint_weight, edges, np.repeat(weight[:, None], 2, axis=1))
+    return replace(
+        terms,
+        hessian=terms.hessian * weight[:, None, None],
+        gradient=terms.gradient * weight[:, None],
+        joint_hessian=terms.joint_hessian * joint_weight[:, None, None],
+        joint_gradient=terms.joint_gradient * joint_weight[:, None],
+    )

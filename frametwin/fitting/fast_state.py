@@ -1,0 +1,185 @@
+"""What a fast fit is given and what it changes: the constant problem, and the state that goes from stage to stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+import numpy as np
+
+from frametwin.cameras import Camera
+from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
+from frametwin.fitting.levels import Levels
+from frametwin.fitting.motion import Pose, as_rods, start_pose
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.raster import rods
+from frametwin.raster.pyramid import Level, Pyramid
+from frametwin.raster.rods import Rods, Terms
+
+AnyStage = CoarseStage | Stage
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What stays as it is during a fit.
+
+    Attributes
+    ----------
+    frame : Wireframe
+        The plan of what is printed: E struts, V joints.
+    elastic : ElasticFrame
+        How it can move, and how stiff it is.
+    levels : Levels
+        Its pictures.
+    settings : FastSettings
+    callback : ProgressCallback or None
+        Told of every step.
+    """
+
+    frame: Wireframe
+    elastic: ElasticFrame
+    levels: Levels
+    settings: FastSettings
+    callback: ProgressCallback | None
+
+    @classmethod
+    def of(
+        cls,
+        frame: Wireframe,
+        cameras: Sequence[Camera],
+        masks: Sequence[np.ndarray],
+        settings: FastSettings,
+        callback: ProgressCallback | None,
+    ) -> Problem:
+        """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
+        return cls(frame, ElasticFrame(frame), Levels(frame, Pyramid(cameras, masks)), settings, callback)
+
+    @property
+    def steps(self) -> int:
+        """Steps of all stages, as far as is known beforehand."""
+        chosen = self.settings
+        stages: tuple[AnyStage, ...] = (*chosen.coarse, *chosen.refine, *chosen.recover, *chosen.finish)
+        return sum(stage.iterations for stage in stages)
+
+    def level(self, stage: AnyStage) -> Level:
+        """The pictures at the size and blur of a stage."""
+        return self.levels.at(stage.detail, stage.blur)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """How a fit has gone so far.
+
+    Attributes
+    ----------
+    loss : tuple of float
+        Mean squared residual of a pixel at each step; sizes of pictures change in between.
+    timing : mapping of str to float, s
+        By stage.
+    since : float, s
+        When the present stage began, by the process's clock.
+    """
+
+    loss: tuple[float, ...] = ()
+    timing: Mapping[str, float] = field(default_factory=dict)
+    since: float = field(default_factory=perf_counter)
+
+    def stepped(self, loss: float) -> Record:
+        """With one more step."""
+        return replace(self, loss=(*self.loss, loss))
+
+    def lapped(self, name: str) -> Record:
+        """With the time since the last lap put down to a stage."""
+        now = perf_counter()
+        spent = self.timing.get(name, 0.0) + now - self.since
+        return replace(self, timing={**self.timing, name: spent}, since=now)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a fit stands. Stages take a state and give the next one.
+
+    All unknowns are here: those of the frame in `pose`, those of anything else in a field of its own, which `drawn`
+    and `terms_of` then heed and `frametwin.fitting.fast_stages.free_stage` moves.
+
+    Attributes
+    ----------
+    pose : Pose
+        Where the frame is.
+    anchor : Pose
+        From where the elastic energy of free steps is measured: where the frame's smooth motions have left it.
+    record : Record
+        How the fit got here.
+    terms : Terms or None
+        What the pictures said before the last free step.
+    """
+
+    pose: Pose
+    anchor: Pose
+    record: Record
+    terms: Terms | None = None
+
+    @classmethod
+    def planned(cls, problem: Problem, record: Record) -> State:
+        """The plan itself."""
+        pose = start_pose(problem.elastic)
+        return cls(pose, pose, record)
+
+    @property
+    def last_terms(self) -> Terms:
+        """What the pictures said before the last free step.
+
+        Raises
+        ------
+        ValueError
+            If there was none.
+        """
+        if self.terms is None:
+            raise ValueError("no stage has been gone through yet")
+        return self.terms
+
+    def anchored(self) -> State:
+        """With the elastic energy measured from here on."""
+        return replace(self, anchor=self.pose)
+
+    def lapped(self, name: str) -> State:
+        """With the time since the last lap put down to a stage."""
+        return replace(self, record=self.record.lapped(name))
+
+
+def drawn(problem: Problem, state: State, pieces: int) -> Rods:
+    """What the splatter draws of a state, each strut as so many straight pieces."""
+    return as_rods(problem.elastic, state.pose, pieces)
+
+
+def terms_of(problem: Problem, state: State, stage: Stage) -> Terms:
+    """Loss of a state, and its Gauss-Newton terms."""
+    return rods.gauss_newton(drawn(problem, state, stage.pieces), problem.level(stage))
+
+
+def stepped(problem: Problem, state: State, name: str, loss: float, level: Level) -> State:
+    """Note a step that has led to a state, and tell of it.
+
+    Parameters
+    ----------
+    problem, state
+        After the step.
+    name : str
+        Of the step, for people.
+    loss : float
+        Half the sum of squared residuals, over all pixels of ``level``.
+
+    Raises
+    ------
+    Cancelled
+        If the callback stops the fit.
+    """
+    state = replace(state, record=state.record.stepped(2.0 * loss / level.target.size))
+    if problem.callback is not None:
+        done, history = len(state.record.loss), state.record.loss
+        curves = drawn(problem, state, 1).control_points
+        report(problem.callback, Progress(name, min(done, problem.steps), problem.steps, history[-1], curves))
+    return state

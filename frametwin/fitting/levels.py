@@ -1,0 +1,53 @@
+"""The pictures of a frame at the sizes that the stages of a fit ask for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.raster.pyramid import Level, Pyramid
+
+SMALL = 0.5
+"""Pictures reduced below this share of their size are kept for later stages; larger ones would fill the memory."""
+
+
+class Levels:
+    """Pictures by the apparent thickness of the typical strut, each made when it is first asked for.
+
+    Parameters
+    ----------
+    frame : Wireframe
+        The plan of what is printed.
+    pyramid : Pyramid
+        Its pictures.
+    """
+
+    def __init__(self, frame: Wireframe, pyramid: Pyramid) -> None:
+        self._pyramid = pyramid
+        self._density = pyramid.pixels_per_mm(frame.bounds.mean(axis=0))  # at full size
+        self._radius = float(np.median(frame.radius))
+        self._made: dict[tuple[float, float], Level] = {}
+
+    def at(self, detail: float, blur: float) -> Level:
+        """The pictures reduced, never enlarged, and blurred.
+
+        Parameters
+        ----------
+        detail : float, pixels
+            Radius of the typical strut.
+        blur : float, pixels
+            Of the reduced pictures.
+        """
+        scale = self._scale(detail)
+        key = (scale, blur)
+        if key not in self._made:
+            self._made = {other: level for other, level in self._made.items() if other[0] < SMALL}
+            self._made[key] = self._pyramid.level(scale, blur)
+        return self._made[key]
+
+    def pixels_per_mm(self, detail: float) -> float:
+        """How many pixels of the pictures of `at` a millimetre of the frame covers."""
+        return self._scale(detail) * self._density
+
+    def _scale(self, detail: float) -> float:
+        return min(1.0, detail / (self._density * self._radius))

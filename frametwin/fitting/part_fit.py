@@ -1,0 +1,81 @@
+"""What every way of fitting takes and gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from frametwin.cameras import Camera
+from frametwin.fields.base import DeformationField
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.progress import ProgressCallback
+
+
+@dataclass(frozen=True, eq=False)
+class PartFit:
+    """What was found of the part of a frame that is printed: E struts, V joints, K kernels a strut.
+
+    Attributes
+    ----------
+    control_points : (E, 4, 3) array, mm
+    vertices : (V, 3) array, mm
+    thickness : (E, K) array, mm
+        Radius of the strut at each kernel.
+    opacity : (E, K) array, 0..1
+    confidence : (E,) array, 0..1
+        How well the pictures determine each strut.
+    field : DeformationField
+        What moves the plan to the curves, and everything around it along with them.
+    loss : sequence of float
+        After each step, as the fitter defines it.
+    timing : mapping of str to float, s
+        By stage.
+    """
+
+    control_points: np.ndarray
+    vertices: np.ndarray
+    thickness: np.ndarray
+    opacity: np.ndarray
+    confidence: np.ndarray
+    field: DeformationField
+    loss: Sequence[float]
+    timing: Mapping[str, float]
+
+
+class Fitter(Protocol):
+    """A way of fitting, with its settings."""
+
+    def fit(
+        self,
+        printed: Wireframe,
+        cameras: Sequence[Camera],
+        masks: Sequence[np.ndarray],
+        start: DeformationField | None = None,
+        callback: ProgressCallback | None = None,
+    ) -> PartFit:
+        """Find where every strut of a frame is, from its silhouettes.
+
+        Parameters
+        ----------
+        printed : Wireframe
+            The plan of what has been printed (see `Wireframe.printed_part`).
+        cameras : sequence of Camera
+            One for each picture, without lens distortion.
+        masks : sequence of (H, W) array, 0..1
+            1 where a strut is seen; sizes may differ.
+        start : DeformationField, optional
+            From which to start, such as that of the last batch; the plan by default.
+        callback : ProgressCallback, optional
+            Told of every step; can stop the fit.
+
+        Raises
+        ------
+        InputError
+            If pictures and cameras do not belong together, or the fitter cannot start from a field.
+        Cancelled
+            If the callback stops the fit.
+        """
+        ...

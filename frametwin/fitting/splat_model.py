@@ -1,0 +1,165 @@
+"""The paper's model of what is seen: curves moved by a field, kernels anchored to them, splatted into every view.
+
+References
+----------
+FrameTwin paper, sections III.A and V.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frametwin.cameras import Camera
+from frametwin.fields.free import FreeField
+from frametwin.fields.lattice import LatticeField, even_cells
+from frametwin.fields.lattice_torch import TrainableLattice
+from frametwin.fields.network import NetworkField
+from frametwin.fields.nodes import NodesField
+from frametwin.fields.sampling import CurveSampling
+from frametwin.fields.torch_field import TorchField
+from frametwin.fitting.losses import BendingLoss, image_loss
+from frametwin.fitting.settings import FitSettings
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.raster.kernels import KernelLayout, adaptive_counts, anchored_kernels, effective_radius
+from frametwin.raster.projection import Views, low_pass, project_anchored
+from frametwin.raster.splat import splat_flat
+
+Floats = NDArray[np.float64]
+
+
+class SplatModel:
+    """What is learnt, and the loss that it has: the field, and each kernel's thickness and opacity.
+
+    Parameters
+    ----------
+    frame : Wireframe
+        The plan of what is printed: E struts.
+    box : (2, 3) array, mm
+        The computational domain.
+    cameras : list of Camera
+        Without distortion.
+    targets : list of (H, W) tensor
+        What they see, 0..1.
+    settings : FitSettings
+    """
+
+    def __init__(
+        self,
+        frame: Wireframe,
+        box: Floats,
+        cameras: list[Camera],
+        targets: list[Tensor],
+        settings: FitSettings,
+    ) -> None:
+        self.settings = settings
+        self.sampling = CurveSampling.of(frame, settings.samples)
+        self.plan = torch.from_numpy(self.sampling.control_points)
+        self.scale = 0.5 * float(np.ptp(box, axis=0).max())
+        self.field = _start_field(box, self.scale, self.sampling, settings)
+        self.field.prepare(self.sampling)
+        self.layout = _layout(frame, cameras, settings)
+        self.views = Views.of(cameras, torch.float32)
+        self.target = torch.cat([t.flatten() for t in targets])
+        alpha = settings.opacity_start
+        width = effective_radius(1.0, alpha, spread=settings.spread)  # of kernels with tau = 1
+        tau = frame.radius[self.layout.strut_of_kernel] / float(width)
+        self.log_thickness = torch.tensor(np.log(tau), dtype=torch.float32).requires_grad_()
+        self.logit_opacity = torch.full((self.layout.size,), float(np.log(alpha / (1.0 - alpha)))).requires_grad_()
+        self.bending = BendingLoss(
+            box,
+            frame.control_points,
+            power=settings.bending_power,
+            samples=settings.bending_samples,
+            seed=settings.seed,
+        )
+
+    def groups(self) -> list[dict]:
+        """Parameters and their learning rates, as torch's optimisers take them; the field's come first."""
+        settings = self.settings
+        groups = [{"params": list(self.field.parameters()), "lr": settings.learning_rate}]
+        if settings.learn_thickness:
+            groups.append({"params": [self.log_thickness], "lr": settings.thickness_rate})
+        if settings.learn_opacity:
+            groups.append({"params": [self.logit_opacity], "lr": settings.opacity_rate})
+        return groups
+
+    def curves(self) -> Tensor:
+        """(E, 4, 3) tensor, mm: the control points; differentiable."""
+        return self.plan + self.field.control_displacements(self.sampling).double()
+
+    def loss(self, curves: Tensor) -> Tensor:
+        """Total loss of curves (paper, Eq. 13)."""
+        settings = self.settings
+        kernels = anchored_kernels(curves.float(), self.layout, spread=settings.spread)
+        projected = project_anchored(kernels, self.log_thickness.exp(), self.views)
+        opacity = torch.sigmoid(self.logit_opacity)
+        means, conics, opacity = low_pass(projected, opacity, variance=settings.pixel_variance)
+        loss = image_loss([splat_flat(means, conics, opacity, self.views.sizes)], [self.target])
+        if settings.bending_weight > 0.0:
+            # From mm to units of the scale: gamma has the power p, the volume 3, the Laplacian squared -2.
+            unit = self.scale ** -(settings.bending_power + 1.0)
+            bend = self.bending(self.field.laplacian_of, self.field.dtype)
+            loss = loss + settings.bending_weight * unit * bend
+        return loss
+
+    def opacity(self) -> Floats:
+        """(E, K) array, 0..1: opacity along the struts."""
+        return stretched(to_array(torch.sigmoid(self.logit_opacity)), self.layout.counts)
+
+    def thickness(self) -> Floats:
+        """(E, K) array, mm: effective radius along the struts."""
+        opacity = to_array(torch.sigmoid(self.logit_opacity))
+        tau = to_array(self.log_thickness.exp())
+        radius = effective_radius(tau, opacity, spread=self.settings.spread)
+        return stretched(radius, self.layout.counts)
+
+
+def stretched(values: Floats, counts: NDArray[np.int64]) -> Floats:
+    """Values of kernels as a table; struts that have fewer than others repeat theirs.
+
+    Parameters
+    ----------
+    values : (N,) array
+        Of all kernels, strut by strut.
+    counts : (E,) array of int
+        Kernels of each strut.
+
+    Returns
+    -------
+    (E, K) array
+        K being the largest of ``counts``.
+    """
+    width = int(counts.max())
+    first = np.cumsum(counts) - counts
+    return values[first[:, None] + np.arange(width) * counts[:, None] // width]
+
+
+def to_array(values: Tensor) -> Floats:
+    """A tensor as an array of doubles."""
+    return values.detach().numpy().astype(np.float64)
+
+
+def _start_field(box: Floats, scale: float, sampling: CurveSampling, settings: FitSettings) -> TorchField:
+    """A field without displacement of the wanted kind."""
+    if settings.field == "network":
+        return NetworkField(box, seed=settings.seed)
+    if settings.field == "lattice":
+        lattice = LatticeField.zeros(box, [even_cells(box, cells) for cells in settings.lattice_cells])
+        return TrainableLattice(lattice, scale)
+    if settings.field == "nodes":
+        return NodesField.spread_over(sampling.points, settings.node_count, scale, settings.node_neighbours)
+    return FreeField.on_curves(sampling, scale)
+
+
+def _layout(frame: Wireframe, cameras: Sequence[Camera], settings: FitSettings) -> KernelLayout:
+    most = settings.kernels_per_strut
+    if not settings.adaptive_kernels:
+        return KernelLayout.even(frame.strut_count, most)
+    return KernelLayout(
+        adaptive_counts(frame.control_points, frame.radius, cameras, minimum=min(4, most), maximum=most)
+    )
