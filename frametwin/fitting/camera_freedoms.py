@@ -12,17 +12,24 @@ What a camera can do, ten numbers: turns about its own three axes (radians), shi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frametwin.cameras import Camera
 from frametwin.fitting.elastic import ElasticFrame
+from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, ViewTerms
 
 TURN, SHIFT, FOCAL, CENTRE, LENS = slice(0, 3), slice(3, 6), 6, slice(7, 9), 9
 FREEDOMS = 10
+
+NOISE = 0.15
+"""Standard deviation of a pixel on an edge, which also stands for what the model leaves out."""
+
+FEET = 0.05
+"""mm: standard deviation of a grounded joint's place on the plate."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +53,27 @@ class RigErrors:
 
     def deviations(self) -> np.ndarray:
         """(10,) one a freedom, in its own unit."""
-        return np.array(
-            [*3 * [np.deg2rad(self.turn)], *3 * [self.shift], self.focal, *2 * [self.centre], self.lens]
-        )
+        return np.array([*3 * [np.deg2rad(self.turn)], *3 * [self.shift], self.focal, *2 * [self.centre], self.lens])
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPrior:
+    """What is known of the cameras and of the feet before any picture is looked at.
+
+    Attributes
+    ----------
+    weight : (N, 10) weights of the cameras' freedoms in the loss.
+    feet : weight of a grounded joint's shift, per mm^2.
+    """
+
+    weight: np.ndarray
+    feet: float
+
+    @classmethod
+    def of(cls, views: int, errors: RigErrors, feet: float = FEET) -> CameraPrior:
+        """From standard deviations; the loss is the squared residual, so its noise is that of a pixel."""
+        weight = NOISE**2 / errors.deviations() ** 2
+        return cls(np.tile(weight, (views, 1)), NOISE**2 / feet**2)
 
 
 def corrected(cameras: Sequence[Camera], freedoms: np.ndarray) -> list[Camera]:
@@ -170,3 +195,8 @@ def moved_cameras(packed: np.ndarray, freedoms: np.ndarray, scales: np.ndarray) 
     result[:, 14:16] += freedoms[:, CENTRE] * scales[:, None]
     result[:, 16] += freedoms[:, LENS]
     return result
+
+
+def with_cameras(level: Level, freedoms: np.ndarray, scales: np.ndarray) -> Level:
+    """The level seen by cameras after their freedoms."""
+    return replace(level, cameras=moved_cameras(level.cameras, freedoms, scales))

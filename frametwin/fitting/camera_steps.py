@@ -9,13 +9,12 @@ import numpy as np
 
 from frametwin.fitting.camera_freedoms import (
     FREEDOMS,
+    CameraPrior,
     CameraTerms,
-    RigErrors,
     camera_terms,
     coupling_to_freedoms,
-    moved_cameras,
+    with_cameras,
 )
-from frametwin.fitting.confidence import NOISE
 from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
 from frametwin.fitting.motion import GROUND, Pose, as_rods, joint_system
@@ -23,34 +22,6 @@ from frametwin.mechanics.beams import factorise
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Terms, ViewTerms
-
-FEET = 0.05
-"""mm: standard deviation of a grounded joint's place on the plate."""
-
-
-@dataclass(frozen=True, eq=False)
-class CameraPrior:
-    """What is known of the cameras and of the feet before any picture is looked at.
-
-    Attributes
-    ----------
-    weight : (N, 10) weights of the cameras' freedoms in the loss.
-    feet : weight of a grounded joint's shift, per mm^2.
-    """
-
-    weight: np.ndarray
-    feet: float
-
-    @classmethod
-    def of(cls, views: int, errors: RigErrors, feet: float = FEET) -> CameraPrior:
-        """From standard deviations; the loss is the squared residual, so its noise is that of a pixel."""
-        weight = NOISE**2 / errors.deviations() ** 2
-        return cls(np.tile(weight, (views, 1)), NOISE**2 / feet**2)
-
-
-def with_cameras(level: Level, freedoms: np.ndarray, scales: np.ndarray) -> Level:
-    """The level seen by cameras after their freedoms."""
-    return replace(level, cameras=moved_cameras(level.cameras, freedoms, scales))
 
 
 def feet_system(elastic: ElasticFrame, pose: Pose, weight: float) -> tuple[np.ndarray, np.ndarray]:
@@ -62,15 +33,18 @@ def feet_system(elastic: ElasticFrame, pose: Pose, weight: float) -> tuple[np.nd
 def smooth_descent(
     elastic: ElasticFrame,
     motions: np.ndarray,
-    pose: Pose,
-    freedoms: np.ndarray,
+    start: tuple[Pose, np.ndarray],
     prior: CameraPrior,
-    level: Level,
-    scales: np.ndarray,
+    views: tuple[Level, np.ndarray],
     stage: CoarseStage,
     longest: float,
 ) -> Iterator[tuple[Pose, np.ndarray, float]]:
-    """As `motion.smooth_descent`, cameras (N, 10) included; yields (pose, freedoms, loss) after every step."""
+    """As `motion.smooth_descent`, cameras included; yields (pose, freedoms, loss) after every step.
+
+    ``start`` are pose and freedoms (N, 10), ``views`` the pictures and their pixels (N,) to one of the full picture.
+    """
+    pose, freedoms = start
+    level, scales = views
 
     def look(at: Pose, cameras: np.ndarray) -> tuple[ViewTerms, CameraTerms, float, float]:
         seen = with_cameras(level, cameras, scales)
@@ -160,14 +134,18 @@ def reduced_system(
     elastic: ElasticFrame,
     terms: Terms,
     cams: CameraTerms,
-    pose: Pose,
-    anchor: Pose,
-    freedoms: np.ndarray,
-    prior: CameraPrior,
-    pull: float,
-    drag: float,
+    poses: tuple[Pose, Pose],
+    known: tuple[np.ndarray, CameraPrior],
+    weights: tuple[float, float],
 ) -> Reduced:
-    """Eliminate the frame from one Gauss-Newton step; see `motion.free_step` for the frame's part."""
+    """Eliminate the frame from one Gauss-Newton step; see `motion.free_step` for the frame's part.
+
+    ``poses`` are the present one and the anchor, ``known`` the cameras' freedoms (N, 10) and their prior, ``weights``
+    the pull and the drag of the elastic energy.
+    """
+    pose, anchor = poses
+    freedoms, prior = known
+    pull, drag = weights
     follow = elastic.follow
     turned = follow.transpose(0, 2, 1)
     count, size = len(elastic.edges), cams.matrix.shape[0] * FREEDOMS

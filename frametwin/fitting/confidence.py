@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from frametwin.fitting.camera_freedoms import NOISE
 from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.raster.rods import Terms
-
-NOISE = 0.15
-"""Standard deviation of a pixel on an edge, which also stands for what the model leaves out."""
 
 HALF = 0.1
 """Standard deviation, as a share of the strut's radius, at which the confidence is one half."""

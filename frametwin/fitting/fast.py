@@ -11,7 +11,7 @@ neighbours expect them, tried again, and else declared missing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -19,12 +19,13 @@ from threadpoolctl import threadpool_limits
 from frametwin.cameras import Camera
 from frametwin.fields.base import DeformationField
 from frametwin.fitting import presence
+from frametwin.fitting.camera_freedoms import FREEDOMS
 from frametwin.fitting.confidence import confidence
+from frametwin.fitting.consistency import Consistent, consistent_fit
 from frametwin.fitting.fast_settings import FastSettings
-from frametwin.fitting.fast_stages import finish, recover, refine, search
-from frametwin.fitting.fast_state import Problem, Record, State, drawn
-from frametwin.fitting.frame_field import field_through, moved_curves
-from frametwin.fitting.part_fit import PartFit
+from frametwin.fitting.fast_state import Problem, drawn, level_of
+from frametwin.fitting.frame_field import field_through
+from frametwin.fitting.part_fit import PartFit, ViewsFit
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 
@@ -46,29 +47,17 @@ class FastFitter:
         """See `frametwin.fitting.part_fit.Fitter.fit`."""
         # Its matrices are small: threads of the linear algebra would only get in the way of the splatter's.
         with threadpool_limits(limits=1, user_api="blas"):
-            record = Record()  # whose clock runs from here on
             problem = Problem.of(printed, cameras, masks, self.settings, callback)
-            state = State.planned(problem, record)
-            if start is None:
-                state = search(problem, state.lapped("set-up"))
-            else:
-                state = refine(problem, _started(problem, state, start).lapped("set-up"))
-            return _result(problem, finish(problem, recover(problem, state)))
+            return _result(consistent_fit(problem, start))
 
 
-def _started(problem: Problem, state: State, field: DeformationField) -> State:
-    """The plan as a field moves it."""
-    moved = moved_curves(problem.frame, field) - problem.frame.control_points
-    joints, inner = problem.elastic.freedoms_of(moved)
-    return replace(state, pose=state.pose.moved(joints, inner)).anchored()
-
-
-def _result(problem: Problem, state: State) -> PartFit:
+def _result(found: Consistent) -> PartFit:
+    problem, state = found.problem, found.state
     settings = problem.settings
     rods = drawn(problem, state, settings.kernels_per_strut)
     opacity = np.ones(rods.radius.shape)
     if settings.learn_opacity:
-        opacity, _ = presence.seen_opacity(rods, problem.level(settings.finish[-1]))
+        opacity, _ = presence.seen_opacity(rods, level_of(problem, state, settings.finish[-1]))
     state = state.lapped("presence")
     certainty = confidence(problem.elastic, state.last_terms)
     field = field_through(problem.frame, rods.control_points, settings.field_cells, certainty)
@@ -82,4 +71,14 @@ def _result(problem: Problem, state: State) -> PartFit:
         field=field,
         loss=state.record.loss,
         timing=state.record.timing,
+        views=_views(found),
+        joint_radius=rods.joint_radius(),
     )
+
+
+def _views(found: Consistent) -> ViewsFit:
+    """What was made of each view; cameras of those that were left out stay where the rig has them."""
+    cameras = np.zeros((len(found.used), FREEDOMS))
+    if found.state.cameras is not None:
+        cameras[found.used] = found.state.cameras
+    return ViewsFit(cameras, found.used, found.misfit.unexplained, found.misfit.unseen, found.holds)

@@ -6,7 +6,11 @@ from dataclasses import dataclass
 
 from frametwin.errors import InputError
 from frametwin.fields.lattice_fit import MOST_COEFFICIENTS
+from frametwin.fitting.camera_freedoms import RigErrors
 from frametwin.fitting.changes import Changeable
+
+CAMERAS = ("auto", "exact")
+HOLDS = ("auto", "feet", "cameras")
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,11 @@ class FastSettings(Changeable):
     troubled : with more than this share of the struts astray after the frame's own motions, others are tried too.
     absent : a piece whose pixels are less white than this share is missing.
     field_cells : cells of the lattices of the field that is fitted to the result, along the longest side.
+    cameras : one of `CAMERAS`: ``exact`` takes the rig as it is; ``auto`` lets cameras move within its errors where the
+        pictures ask for it.
+    hold : one of `HOLDS`: what holds the world when cameras move. ``feet`` on the plate, the ``cameras``, or ``auto``:
+        the feet, unless all cameras would have to have moved together for it.
+    rig_errors : standard deviations of what the rig says.
     """
 
     preset: str = "fast"
@@ -106,6 +115,9 @@ class FastSettings(Changeable):
     troubled: float = 0.03
     absent: float = 0.5
     field_cells: tuple[int, ...] = (2, 5)
+    cameras: str = "auto"
+    hold: str = "auto"
+    rig_errors: RigErrors = RigErrors()
 
     def __post_init__(self) -> None:
         whole = {"seed": (0, 2**63 - 1), "kernels_per_strut": (1, 1000), "cells": (1, 6)}

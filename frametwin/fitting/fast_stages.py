@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from frametwin.fitting import presence
-from frametwin.fitting.fast_settings import Stage
-from frametwin.fitting.fast_state import Problem, State, drawn, stepped, terms_of
+from frametwin.fitting import camera_steps, presence
+from frametwin.fitting.fast_settings import CoarseStage, Stage
+from frametwin.fitting.fast_state import Problem, State, drawn, level_of, stepped, terms_of, view_terms_of
+from frametwin.fitting.held import held_by
+from frametwin.fitting.joint_sizes import learn_joint_sizes
 from frametwin.fitting.loads import load_answers, rigid_motions, smooth_warps
 from frametwin.fitting.motion import free_step, smooth_descent
 from frametwin.raster.rods import Terms
@@ -36,16 +38,33 @@ def search(problem: Problem, state: State) -> State:
 
 def _attempt(problem: Problem, state: State, motions: np.ndarray, pull: float) -> State:
     """Smooth motions (6V, M), their elastic energy weighted with ``pull``, and then every joint and strut."""
-    return refine(problem, smooth_stages(problem, state, motions, pull).anchored().lapped("coarse"))
+    state = smooth_stages(problem, state, motions, pull)
+    if state.cameras is not None:
+        state = held_by(problem, state, "feet")
+    return refine(problem, state.anchored().lapped("coarse"))
 
 
 def smooth_stages(problem: Problem, state: State, motions: np.ndarray, pull: float) -> State:
     """All coarse stages, in the span of ``motions`` (6V, M), their elastic energy weighted with ``pull`` more."""
     for stage in problem.settings.coarse:
         stage = replace(stage, pull=pull * stage.pull)
+        if state.cameras is not None:
+            state = _smooth_stage_with_cameras(problem, state, motions, stage)
+            continue
         level, longest = problem.level(stage), stage.longest / problem.levels.pixels_per_mm(stage.detail)
         for pose, loss in smooth_descent(problem.elastic, motions, state.pose, level, stage, longest):
             state = stepped(problem, replace(state, pose=pose), "smooth motion", loss, level)
+    return state
+
+
+def _smooth_stage_with_cameras(problem: Problem, state: State, motions: np.ndarray, stage: CoarseStage) -> State:
+    level, longest = problem.level(stage), stage.longest / problem.levels.pixels_per_mm(stage.detail)
+    views = (level, problem.scales(level))
+    start = (state.pose, state.freedoms)
+    for pose, cameras, loss in camera_steps.smooth_descent(
+        problem.elastic, motions, start, problem.prior, views, stage, longest
+    ):
+        state = stepped(problem, replace(state, pose=pose, cameras=cameras), "smooth motion and cameras", loss, level)
     return state
 
 
@@ -54,13 +73,6 @@ def refine(problem: Problem, state: State) -> State:
     for stage in problem.settings.refine:
         state = free_stage(problem, state, stage)
     return state.lapped("refine")
-
-
-def finish(problem: Problem, state: State) -> State:
-    """The last stages, in the sharpest pictures."""
-    for stage in problem.settings.finish:
-        state = free_stage(problem, state, stage)
-    return state.lapped("finish")
 
 
 def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | None = None) -> State:
@@ -75,16 +87,53 @@ def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | 
     """
     level, density = problem.level(stage), problem.levels.pixels_per_mm(stage.detail)
     for _ in range(stage.iterations):
-        terms = terms_of(problem, state, stage)
-        heard = terms if lost is None else _without(terms, problem.frame.edges, lost)
-        joints, inner = free_step(problem.elastic, heard, state.pose, state.anchor, stage.pull, stage.drag)
+        terms, joints, inner, cameras = _free_step(problem, state, stage, lost)
         furthest = np.percentile(np.linalg.norm(joints[:, :3], axis=1), 99) * density
         share = stage.share * min(1.0, stage.longest / max(furthest, 1e-12))
         pose = state.pose.moved(share * joints, share * inner)
         if problem.settings.learn_thickness and stage.detail > 1.0:
             pose = presence.learn_thickness(pose, problem.frame.radius, terms.widths)
-        state = stepped(problem, replace(state, pose=pose, terms=terms), "joints and struts", terms.loss, level)
+        moved = None if state.cameras is None else state.cameras + share * cameras
+        sizes = _joint_sizes(problem, state, terms, stage) if stage.detail > 1.0 else state.joint_size
+        state = replace(state, pose=pose, terms=terms, cameras=moved, joint_size=sizes)
+        state = stepped(problem, state, "joints and struts", terms.loss, level)
     return state
+
+
+def _joint_sizes(problem: Problem, state: State, terms: Terms, stage: Stage) -> np.ndarray | None:
+    if state.joint_size is None:
+        return None
+    return learn_joint_sizes(state.joint_size, drawn(problem, state, stage.pieces).joint_radius(), terms.joint_widths)
+
+
+def _free_step(
+    problem: Problem, state: State, stage: Stage, lost: np.ndarray | None
+) -> tuple[Terms, np.ndarray, np.ndarray, np.ndarray | float]:
+    """The terms, and the step of joints (V, 6), struts (E, 6) and cameras (N, 10), which stay while struts are lost."""
+    if state.cameras is None or lost is not None:
+        terms = terms_of(problem, state, stage)
+        heard = terms if lost is None else _without(terms, problem.frame.edges, lost)
+        return terms, *free_step(problem.elastic, heard, state.pose, state.anchor, stage.pull, stage.drag), 0.0
+    terms, system = camera_system(problem, state, stage)
+    return terms, *camera_steps.whole_step(problem.elastic, system)
+
+
+def camera_system(problem: Problem, state: State, stage: Stage) -> tuple[Terms, camera_steps.Reduced]:
+    """The terms of all views together, and what is left for the cameras once the frame is eliminated."""
+    by_view, cameras = view_terms_of(problem, state, stage)
+    terms = by_view.summed()
+    known = (state.freedoms, problem.prior)
+    weights = (stage.pull, stage.drag)
+    return terms, camera_steps.reduced_system(
+        problem.elastic, terms, cameras, (state.pose, state.anchor), known, weights
+    )
+
+
+def camera_gain(problem: Problem, state: State, stage: Stage) -> float:
+    """By what share the loss would fall, to second order, were the cameras free within the rig's errors."""
+    asked = state if state.cameras is not None else replace(state, cameras=problem.exact_cameras())
+    terms, system = camera_system(problem, asked, stage)
+    return camera_steps.gain_of_cameras(system) / max(terms.loss, 1e-12)
 
 
 def recover(problem: Problem, state: State) -> State:
@@ -97,7 +146,7 @@ def recover(problem: Problem, state: State) -> State:
             state = free_stage(problem, state, again)
     if settings.learn_opacity:
         frame = problem.frame
-        opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), problem.level(stage))
+        opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
         shortest = presence.shortest_gap(frame.chord_lengths, frame.radius, stage.pieces)
         there = presence.without_gaps(opacity, settings.absent, shortest)
         state = replace(state, pose=replace(state.pose, opacity=there))
@@ -106,7 +155,7 @@ def recover(problem: Problem, state: State) -> State:
 
 def astray(problem: Problem, state: State, stage: Stage) -> np.ndarray:
     """(E,) array of bool: struts of whose pixels too few are white."""
-    whiteness = presence.strut_whiteness(drawn(problem, state, stage.pieces), problem.level(stage))
+    whiteness = presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
     return whiteness < problem.settings.suspicious
 
 

@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from frametwin.cameras import Camera
+from frametwin.fitting.camera_freedoms import FREEDOMS, CameraPrior, CameraTerms, camera_terms, with_cameras
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.levels import Levels
@@ -17,7 +18,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level, Pyramid
-from frametwin.raster.rods import Rods, Terms
+from frametwin.raster.rods import Rods, Terms, ViewTerms
 
 AnyStage = CoarseStage | Stage
 
@@ -68,6 +69,23 @@ class Problem:
         """The pictures at the size and blur of a stage."""
         return self.levels.at(stage.detail, stage.blur)
 
+    def scales(self, level: Level) -> np.ndarray:
+        """(N,) pixels of a level to one of the full picture, view by view."""
+        return level.shapes[:, 1] / self.levels.widths
+
+    @property
+    def prior(self) -> CameraPrior:
+        """What is known of cameras and feet before any picture is looked at."""
+        return CameraPrior.of(self.levels.view_count, self.settings.rig_errors)
+
+    def exact_cameras(self) -> np.ndarray:
+        """(N, 10) freedoms of cameras that are where the rig has them."""
+        return np.zeros((self.levels.view_count, FREEDOMS))
+
+    def of_views(self, chosen: np.ndarray) -> Problem:
+        """The same with some of the views alone."""
+        return replace(self, levels=self.levels.of_views(chosen))
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -115,18 +133,37 @@ class State:
         How the fit got here.
     terms : Terms or None
         What the pictures said before the last free step.
+    cameras : (N, 10) array or None
+        Freedoms of the cameras (see `frametwin.fitting.camera_freedoms`); ``None`` where the rig is taken as exact.
+    joint_size : (V,) array or None
+        Radius of the material at each joint relative to its thickest strut's; ``None`` for 1 everywhere.
     """
 
     pose: Pose
     anchor: Pose
     record: Record
     terms: Terms | None = None
+    cameras: np.ndarray | None = None
+    joint_size: np.ndarray | None = None
 
     @classmethod
     def planned(cls, problem: Problem, record: Record) -> State:
         """The plan itself."""
         pose = start_pose(problem.elastic)
         return cls(pose, pose, record)
+
+    @property
+    def freedoms(self) -> np.ndarray:
+        """(N, 10) freedoms of the cameras, where they are free.
+
+        Raises
+        ------
+        ValueError
+            If the rig is taken as exact.
+        """
+        if self.cameras is None:
+            raise ValueError("the cameras are taken as exact")
+        return self.cameras
 
     @property
     def last_terms(self) -> Terms:
@@ -152,12 +189,25 @@ class State:
 
 def drawn(problem: Problem, state: State, pieces: int) -> Rods:
     """What the splatter draws of a state, each strut as so many straight pieces."""
-    return as_rods(problem.elastic, state.pose, pieces)
+    return replace(as_rods(problem.elastic, state.pose, pieces), joint_size=state.joint_size)
+
+
+def level_of(problem: Problem, state: State, stage: AnyStage) -> Level:
+    """The pictures of a stage, with the cameras where the state has them."""
+    level = problem.level(stage)
+    return level if state.cameras is None else with_cameras(level, state.cameras, problem.scales(level))
 
 
 def terms_of(problem: Problem, state: State, stage: Stage) -> Terms:
     """Loss of a state, and its Gauss-Newton terms."""
-    return rods.gauss_newton(drawn(problem, state, stage.pieces), problem.level(stage))
+    return rods.gauss_newton(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
+
+
+def view_terms_of(problem: Problem, state: State, stage: Stage) -> tuple[ViewTerms, CameraTerms]:
+    """The terms of every view by itself, and the cameras'."""
+    level, rods_seen = level_of(problem, state, stage), drawn(problem, state, stage.pieces)
+    terms = rods.gauss_newton_by_view(rods_seen, level)
+    return terms, camera_terms(rods_seen, terms, level.cameras, problem.scales(level))
 
 
 def stepped(problem: Problem, state: State, name: str, loss: float, level: Level) -> State:

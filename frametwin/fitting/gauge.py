@@ -11,13 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from frametwin.fitting.camera_freedoms import SHIFT, TURN, RigErrors
+from frametwin.fitting.camera_freedoms import FEET, SHIFT, TURN, RigErrors
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.motion import Pose
 from frametwin.geometry import bezier
-
-FEET = 0.05
-"""mm: standard deviation of a foot on the plate, as it was planned and as it is seen."""
 
 LENGTH = 1e-3
 """Standard deviation of the common factor of all struts' lengths."""
@@ -137,6 +134,6 @@ def _by_camera(packed: np.ndarray, freedoms: np.ndarray, errors: RigErrors) -> n
 
 
 def rig_misfit(freedoms: np.ndarray, errors: RigErrors) -> float:
-    """Squared corrections of all cameras' poses over their variances, 6 a camera when the rig's errors are as stated."""
+    """Squared corrections of all cameras' poses over their variances: about 6 a camera if the rig errs as stated."""
     scaled = np.column_stack([freedoms[:, TURN] / np.deg2rad(errors.turn), freedoms[:, SHIFT] / errors.shift])
     return float(np.square(scaled).sum())

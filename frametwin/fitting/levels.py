@@ -23,10 +23,25 @@ class Levels:
     """
 
     def __init__(self, frame: Wireframe, pyramid: Pyramid) -> None:
-        self._pyramid = pyramid
+        self._frame, self._pyramid = frame, pyramid
         self._density = pyramid.pixels_per_mm(frame.bounds.mean(axis=0))  # at full size
         self._radius = float(np.median(frame.radius))
         self._made: dict[tuple[float, float], Level] = {}
+
+    @property
+    def widths(self) -> np.ndarray:
+        """(N,) width in pixels of each full picture."""
+        return np.array([camera.width for camera in self._pyramid.cameras], dtype=np.float64)
+
+    @property
+    def view_count(self) -> int:
+        """Number of views."""
+        return len(self._pyramid.cameras)
+
+    def of_views(self, chosen: np.ndarray) -> Levels:
+        """Those of some of the views alone."""
+        pyramid = self._pyramid
+        return Levels(self._frame, Pyramid([pyramid.cameras[i] for i in chosen], [pyramid.masks[i] for i in chosen]))
 
     def at(self, detail: float, blur: float) -> Level:
         """The pictures reduced, never enlarged, and blurred.

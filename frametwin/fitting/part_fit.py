@@ -15,6 +15,29 @@ from frametwin.progress import ProgressCallback
 
 
 @dataclass(frozen=True, eq=False)
+class ViewsFit:
+    """What a fit made of its N views.
+
+    Attributes
+    ----------
+    cameras : (N, 10) array
+        Corrections of the cameras (see `frametwin.fitting.camera_freedoms`); zeros where the rig was taken as it is.
+    used : (N,) array of bool
+        Views that the fit was made from.
+    unexplained, unseen : (N,) array, 0..1
+        Share of each picture's white that the twin does not draw, and of the twin that is not white there.
+    holds : str
+        What holds the world: ``rig``, ``feet`` or ``cameras``.
+    """
+
+    cameras: np.ndarray
+    used: np.ndarray
+    unexplained: np.ndarray
+    unseen: np.ndarray
+    holds: str
+
+
+@dataclass(frozen=True, eq=False)
 class PartFit:
     """What was found of the part of a frame that is printed: E struts, V joints, K kernels a strut.
 
@@ -33,6 +56,10 @@ class PartFit:
         After each step, as the fitter defines it.
     timing : mapping of str to float, s
         By stage.
+    views : ViewsFit or None
+        What was made of the views, by fitters that ask.
+    joint_radius : (V,) array or None, mm
+        Of the material at each joint, likewise.
     """
 
     control_points: np.ndarray
@@ -43,6 +70,8 @@ class PartFit:
     field: DeformationField
     loss: Sequence[float]
     timing: Mapping[str, float]
+    views: ViewsFit | None = None
+    joint_radius: np.ndarray | None = None
 
 
 class Fitter(Protocol):

@@ -99,15 +99,33 @@ def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray) -> Pose
     # By the logarithm of the radius, in which a common factor is a common shift.
     curvature = widths[..., 0].sum(axis=1) * pose.radius**2
     slope = widths[..., 1].sum(axis=1) * pose.radius
-    present = np.log(pose.radius / planned)
+    factor = steadied(np.log(pose.radius / planned), curvature, slope)
+    if factor is None:
+        return pose
+    factor = np.clip(factor, np.log(THINNEST), np.log(THICKEST))
+    return replace(pose, radius=planned * np.exp(factor))
+
+
+def steadied(present: np.ndarray, curvature: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
+    """One Newton step of many like quantities, each held to what they have in common.
+
+    Parameters
+    ----------
+    present : (N,) array
+    curvature, slope : (N,) array
+        Of the loss by each of them.
+
+    Returns
+    -------
+    (N,) array or None
+        ``None`` where the pictures say nothing of them.
+    """
     hold = STEADY * np.median(curvature)
     if hold <= 0.0:
-        return pose
+        return None
     wanted = present - slope / np.maximum(curvature, 1e-9 * hold)
-    # Struts astray would ask for absurd radii: the common factor is a weighted median.
+    # Struts astray would ask for absurd radii: what is common is a weighted median.
     order = np.argsort(wanted)
     share = np.cumsum(curvature[order])
     common = wanted[order][np.searchsorted(share, 0.5 * share[-1])]
-    factor = (curvature * wanted + hold * common) / (curvature + hold)
-    factor = np.clip(factor, np.log(THINNEST), np.log(THICKEST))
-    return replace(pose, radius=planned * np.exp(factor))
+    return (curvature * wanted + hold * common) / (curvature + hold)

@@ -1,0 +1,159 @@
+"""A fast fit that doubts its views and its cameras before it believes what they show.
+
+First everything is taken as it was given. Where the loss would then fall by much were the cameras free, they are;
+a view that disagrees with all others is left out, and the fit made again without it. Nothing of this changes a fit
+whose pictures agree with its cameras.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frametwin.fields.base import DeformationField
+from frametwin.fitting import gauge
+from frametwin.fitting.fast_settings import Stage
+from frametwin.fitting.fast_stages import camera_gain, free_stage, recover, refine, search
+from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
+from frametwin.fitting.frame_field import moved_curves
+from frametwin.fitting.held import held_by
+from frametwin.fitting.joint_sizes import common_size
+from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
+
+CLEARLY = 0.3
+"""Share by which freeing the cameras would lower the loss after the first free steps, at which they are freed at once:
+the frame has been bent to explain them, and the fit begins anew."""
+
+SLIGHTLY = 0.05
+"""The same in sharper pictures, at which they are freed where the frame is. Exact cameras stay below 0.02, a
+hundredth of a degree is at 0.14 and more."""
+
+ROUNDS = 3
+"""Times that views are left out, at most."""
+
+TOGETHER = 10.0
+"""How many times more than by chance all cameras must have moved together for the feet to be where they were planned,
+before the cameras are believed instead."""
+
+BY_CHANCE = 0.02
+"""Least squared correction a freedom, in variances, that counts as chance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Consistent:
+    """A fit, and what was made of its views.
+
+    Attributes
+    ----------
+    problem : Problem
+        With the views that were used.
+    state : State
+    used : (N,) array of bool
+    misfit : ViewMisfit
+        Of all views.
+    holds : str
+        What holds the world: ``rig`` where the cameras were taken as exact, else ``feet`` or ``cameras``.
+    """
+
+    problem: Problem
+    state: State
+    used: np.ndarray
+    misfit: ViewMisfit
+    holds: str
+
+
+def consistent_fit(problem: Problem, field: DeformationField | None) -> Consistent:
+    """Fit a frame, its views and its cameras; with a field the fit starts there and leaves the coarse stages out."""
+    record = Record()  # whose clock runs from here on
+    used = np.arange(problem.levels.view_count)
+    for _ in range(ROUNDS):
+        part = problem if len(used) == problem.levels.view_count else problem.of_views(used)
+        state = _begun(part, State.planned(part, record), field)
+        misfit = _misfit(part, state, problem.settings.refine[-1])
+        wrong = disagreeing(misfit.total)
+        if not wrong.size or len(used) - len(wrong) < FEWEST:
+            break
+        record, used = state.record, np.delete(used, wrong)
+    state = _finished(part, recover(part, state))
+    holds = "rig"
+    if state.cameras is not None:
+        state, holds = _held(part, state)
+    whole = state if state.cameras is None else replace(state, cameras=_spread(state.cameras, used, problem))
+    misfit = _misfit(problem, whole, problem.settings.finish[0])
+    mask = np.zeros(problem.levels.view_count, dtype=bool)
+    mask[used] = True
+    return Consistent(part, state, mask, misfit, holds)
+
+
+def _spread(cameras: np.ndarray, used: np.ndarray, problem: Problem) -> np.ndarray:
+    result = problem.exact_cameras()
+    result[used] = cameras
+    return result
+
+
+def _begun(problem: Problem, state: State, field: DeformationField | None) -> State:
+    """From the plan or a field to where every joint and strut is free; with cameras where the pictures ask for it."""
+    first = state.lapped("set-up")
+    state = search(problem, first) if field is None else refine(problem, _started(problem, first, field))
+    state = _with_joint_material(problem, state)
+    if problem.settings.cameras == "exact" or camera_gain(problem, state, problem.settings.refine[-1]) < CLEARLY:
+        return state
+    afresh = replace(first, record=state.record, cameras=problem.exact_cameras(), joint_size=state.joint_size)
+    return held_by(problem, search(problem, afresh), "feet").anchored()
+
+
+def _started(problem: Problem, state: State, field: DeformationField) -> State:
+    """The plan as a field moves it."""
+    moved = moved_curves(problem.frame, field) - problem.frame.control_points
+    joints, inner = problem.elastic.freedoms_of(moved)
+    return replace(state, pose=state.pose.moved(joints, inner)).anchored()
+
+
+def _with_joint_material(problem: Problem, state: State) -> State:
+    """Joints get material of their own where the pictures show more than the struts' ends, and the fit goes on."""
+    stage = problem.settings.refine[-1]
+    size = common_size(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
+    if size == 1.0:
+        return state
+    return refine(problem, replace(state, joint_size=np.full(problem.elastic.vertex_count, size)))
+
+
+def _finished(problem: Problem, state: State) -> State:
+    """The last stages; cameras that turn out not to be exact to the last digit are freed on the way."""
+    for stage in problem.settings.finish:
+        state = free_stage(problem, state, stage)
+        if state.cameras is None and problem.settings.cameras == "auto":
+            state = _freed(problem, state, stage)
+    return state.lapped("finish")
+
+
+def _freed(problem: Problem, state: State, stage: Stage) -> State:
+    """The state with cameras that moved to where the loss is lowest, if it is much lower there."""
+    if stage is problem.settings.finish[-1] and len(problem.settings.finish) > 1:
+        return state
+    if camera_gain(problem, state, stage) < SLIGHTLY:
+        return state
+    state = replace(state, cameras=problem.exact_cameras())
+    for _ in range(2):
+        state = held_by(problem, free_stage(problem, state, stage), "feet").anchored()
+    return state
+
+
+def _held(problem: Problem, state: State) -> tuple[State, str]:
+    """The world as it is most probably held, and by what."""
+    wanted, errors = problem.settings.hold, problem.settings.rig_errors
+    if wanted != "auto":
+        return held_by(problem, state, wanted), wanted
+    on_feet, on_cameras = held_by(problem, state, "feet"), held_by(problem, state, "cameras")
+    if not problem.frame.grounded.any():
+        return on_cameras, "cameras"
+    alone = gauge.rig_misfit(on_cameras.freedoms, errors)
+    together = gauge.rig_misfit(on_feet.freedoms, errors) - alone
+    freedoms = 6 * len(on_feet.freedoms)
+    chance = max(alone / (freedoms - 6), BY_CHANCE)
+    return (on_cameras, "cameras") if together / 6.0 > TOGETHER * chance else (on_feet, "feet")
+
+
+def _misfit(problem: Problem, state: State, stage: Stage) -> ViewMisfit:
+    return view_misfit(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
