@@ -73,7 +73,7 @@ class CameraPrior:
     def of(cls, views: int, errors: RigErrors, feet: float = FEET) -> CameraPrior:
         """From standard deviations; the loss is the squared residual, so its noise is that of a pixel."""
         weight = NOISE**2 / errors.deviations() ** 2
-        return cls(np.tile(weight, (views, 1)), NOISE**2 / feet**2)
+        return cls(np.tile(weight, (views, 1)), 0.0)
 
 
 def corrected(cameras: Sequence[Camera], freedoms: np.ndarray) -> list[Camera]:
