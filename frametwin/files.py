@@ -150,24 +150,48 @@ def _finite_float(text: str) -> float:
     return value
 
 
+def read_bytes(path: PathLike, field: str = "file") -> bytes:
+    """Read a file.
+
+    Raises
+    ------
+    InputError
+        If it is missing, a folder, or not readable.
+    """
+    try:
+        return Path(path).read_bytes()
+    except FileNotFoundError as error:
+        raise InputError.at(path, field, "the file does not exist", "check the name, or put the file there") from error
+    except OSError as error:
+        raise InputError.at(
+            path, field, f"cannot be read ({error.strerror})", "give a file that can be opened"
+        ) from error
+
+
+def decode_text(data: bytes, path: PathLike, field: str = "file") -> str:
+    """The UTF-8 text that the file ``path`` holds, every line ending in a line feed; a byte order mark is skipped.
+
+    Raises
+    ------
+    InputError
+        If it is not text.
+    """
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError.at(path, field, "is not a text file", "give a file written as UTF-8 text") from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
 def read_text(path: PathLike, field: str = "file") -> str:
-    """Read a UTF-8 text file (a byte order mark is skipped).
+    """Read a text file; see `read_bytes` and `decode_text`.
 
     Raises
     ------
     InputError
         If the file is missing, a folder, not readable, or not text.
     """
-    try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError.at(path, field, "the file does not exist", "check the name, or put the file there") from error
-    except UnicodeDecodeError as error:
-        raise InputError.at(path, field, "is not a text file", "give a file written as UTF-8 text") from error
-    except OSError as error:
-        raise InputError.at(
-            path, field, f"cannot be read ({error.strerror})", "give a file that can be opened"
-        ) from error
+    return decode_text(read_bytes(path, field), path, field)
 
 
 def parse_json(text: str, path: PathLike) -> dict[str, Any]:

@@ -88,7 +88,8 @@ def test_runs_belong_to_their_files_and_settings(dataset: Path) -> None:
     for other in (FitSettings(seed=3), FitSettings("paper-lattice"), FitSettings(changes={"field_cells": (1, 3)})):
         assert current_twin(run, capture, other) is None
     assert current_twin(dataset / "runs" / "000000", capture, settings) is None  # that of another sample
-    edit_image(capture.views[3].image, _with_a_speck)
+    edit_image(capture.views[3].image.path, _with_a_speck)
+    capture = read_capture(sample_folder(dataset, 1))
     assert current_twin(run, capture, settings) is None
     assert current_twin(dataset / "runs" / "000005", capture, settings) is None
 

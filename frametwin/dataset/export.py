@@ -13,6 +13,7 @@ import numpy as np
 
 from frametwin.cameras import to_nerfstudio, write_colmap_text
 from frametwin.capture.capture import Capture, read_capture
+from frametwin.capture.picture import Picture
 from frametwin.dataset.folder import read_dataset, sample_name
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import InputError
@@ -138,7 +139,7 @@ def export_dataset(
 def _write_nerfstudio(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
     views = []
     for view in capture.views:
-        name = _put_image(view.image, place / "images", settings)
+        name = _put_image(view.image.path, place / "images", settings)
         pose = _scaled(view.camera.camera_to_world, settings.scale)
         views.append(to_nerfstudio(replace(view.camera, camera_to_world=pose), f"images/{name}"))
     transforms = {"camera_model": "OPENCV", "ply_file_path": "plan.ply", "frames": views}
@@ -154,7 +155,7 @@ def _write_nerfstudio(capture: Capture, run: Path, place: Path, settings: Export
 def _write_colmap(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
     cameras = []
     for view in capture.views:
-        name = _put_image(view.image, place / "images", settings)
+        name = _put_image(view.image.path, place / "images", settings)
         pose = _scaled(view.camera.camera_to_world, settings.scale)
         cameras.append(replace(view.camera, name=name, camera_to_world=pose))
     model = place / "sparse" / "0"
@@ -266,8 +267,8 @@ def _put_image(image: Path, folder: Path, settings: ExportSettings) -> str:
     return image.name
 
 
-def _decoded(path: Path) -> np.ndarray:
-    image = cv2.imdecode(np.frombuffer(path.read_bytes(), dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+def _decoded(picture: Picture) -> np.ndarray:
+    image = cv2.imdecode(np.frombuffer(picture.data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise InputError.at(path, "image", "the picture is damaged", "make the sample again")
+        raise InputError.at(picture.path, "image", "the picture is damaged", "make the sample again")
     return np.asarray(image if image.ndim == 2 else image[..., 2::-1])

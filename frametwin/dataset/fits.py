@@ -21,7 +21,7 @@ from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import Cancelled, FrameTwinError, InputError
 from frametwin.evaluation.evaluate import Errors, evaluate
 from frametwin.files import PathLike, check_format, read_json, write_json, write_text
-from frametwin.fitting.api import fit_capture, input_hashes, settings_of, write_run
+from frametwin.fitting.api import fit_capture, settings_of, write_run
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.twin.findings import Detection, missing_struts
 from frametwin.twin.twin import FILE_NAME as TWIN_FILE
@@ -216,7 +216,7 @@ def current_twin(run: Path, capture: Capture, settings: FitSettings) -> Twin | N
         "preset": settings.preset,
         "seed": settings.seed,
         "changes": json.loads(json.dumps(dict(settings.changes))),  # tuples become lists, as in the file
-        "inputs": input_hashes(capture),
+        "inputs": capture.hashes,
     }
     return twin if all(twin.provenance.get(key) == value for key, value in wanted.items()) else None
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
+from frametwin.capture.picture import Picture
 from frametwin.dataset.true_curves import TrueCurves
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
@@ -75,7 +76,7 @@ def check_pictures(capture: Capture, truth: Wireframe, curves: TrueCurves) -> li
     """
     problems = []
     for view in capture.views:
-        name = view.image.relative_to(capture.root).as_posix()
+        name = capture.name_of(view.image)
         exposure = exposure_problems(view, capture.root)
         if exposure:
             problems += exposure
@@ -101,17 +102,16 @@ def is_photo(view: View) -> bool:
 
 def exposure_problems(view: View, root: Path) -> list[str]:
     """Whether the picture of a view, and its background, are neither black nor saturated."""
-    pictures = [view.image] if view.background is None else [view.image, view.background]
     problems = []
     photo = is_photo(view)
-    for path in pictures:
-        name = path.relative_to(root).as_posix()
-        image = _decoded(path)
+    for picture in view.pictures:
+        name = picture.path.relative_to(root).as_posix()
+        image = _decoded(picture)
         if image is None:
             problems.append(f"{name} cannot be decoded")
             continue
         grey = image if image.ndim == 2 else image[..., :3].max(axis=2)
-        least = LEAST_BRIGHT if path == view.image else LEAST_BACKGROUND
+        least = LEAST_BRIGHT if picture is view.image else LEAST_BACKGROUND
         problems += [f"{name} {text}" for text in (_photo_problems(grey, least) if photo else _mask_problems(grey))]
     return problems
 
@@ -130,9 +130,8 @@ def _photo_problems(grey: np.ndarray, least: int) -> list[str]:
     return [f"is saturated ({clipped:.0%} of it is clipped)"] if clipped > MOST_CLIPPED else []
 
 
-def _decoded(path: Path) -> np.ndarray | None:
-    data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+def _decoded(picture: Picture) -> np.ndarray | None:
+    image = cv2.imdecode(np.frombuffer(picture.data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         return None
     return np.asarray(image if image.dtype == np.uint8 else image // 257)

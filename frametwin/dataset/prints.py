@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from frametwin.cameras import Camera
 from frametwin.cameras.rigs import dome_rig, ring_rig
-from frametwin.capture.capture import read_cameras
+from frametwin.capture.transforms import read_cameras
 from frametwin.dataset.specification import DeformationValues, PrintingValues, RigValues, Specification
 from frametwin.errors import InputError
 from frametwin.files import PathLike

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from frametwin.capture.capture import read_cameras
+from frametwin.capture.transforms import read_cameras
 from frametwin.dataset.recipe import Deformation, RecipeFile, Render, Rig
 from frametwin.errors import InputError
 from frametwin.files import PathLike, dump_json

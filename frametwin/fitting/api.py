@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -95,7 +94,7 @@ def fit_capture(
     twin = result.twin
     return result.with_twin(
         timing={"read": read, **twin.timing, "total": perf_counter() - began},
-        provenance={**twin.provenance, "inputs": input_hashes(capture)},
+        provenance={**twin.provenance, "inputs": capture.hashes},
     )
 
 
@@ -175,10 +174,3 @@ def write_run(folder: PathLike, result: FitResult, capture: Capture, overwrite: 
         twin_files.write_twin(stage, result.twin)
         save_field(stage / FIELD_FILE, result.field)
         write_frame(stage / "frame.json", capture.frame)
-
-
-def input_hashes(capture: Capture) -> dict[str, str]:
-    """SHA-256 of every file that was read, by its name in the capture."""
-    files = [capture.root / "frame.json", capture.root / "transforms.json"]
-    files += [path for view in capture.views for path in (view.image, view.background) if path is not None]
-    return {path.relative_to(capture.root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

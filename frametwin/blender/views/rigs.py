@@ -11,7 +11,7 @@ from frametwin.blender.scene.collections import new_collection, remove_collectio
 from frametwin.blender.views.cameras import activate, camera_from_blender, camera_to_blender, cameras_in
 from frametwin.cameras import Camera, read_colmap_text
 from frametwin.cameras.rigs import dome_rig, ring_rig, stepped_back
-from frametwin.capture.capture import read_cameras
+from frametwin.capture.transforms import read_cameras
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.geometry.wireframe import Wireframe

@@ -18,6 +18,7 @@ from frametwin.fitting.api import FitResult, write_run
 from frametwin.formats import frame_json
 from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.masks import read_masks
 from frametwin.printing.adaptation.adapt import adapt, lost_struts
 from frametwin.printing.adaptation.batch_fit import BatchFit, cropped, fit_batch
 from frametwin.printing.adaptation.compensation import SagForecast, compensate
@@ -205,7 +206,7 @@ def _find(taken: BatchCapture, step: Step, options: AnswerOptions, progress: Pro
     laps = [perf_counter()]
     frame = step.expected.frame
     whole = [view.camera.without_distortion() for view in taken.capture.views]
-    cameras, masks = cropped(frame, whole, taken.masks(progress))
+    cameras, masks = cropped(frame, whole, read_masks(taken.capture, progress))
     laps.append(perf_counter())
     fit = fit_batch(frame, cameras, masks, warm=options.warm, progress=progress)
     result = _described(fit, taken)
@@ -227,10 +228,9 @@ def _described(fit: BatchFit, taken: BatchCapture) -> FitResult:
     provenance = {
         **{key: value for key, value in twin.provenance.items() if key != "changes"},
         "start": fit.start,
-        "inputs": dict(taken.hashes),
+        "inputs": taken.capture.hashes,
     }
-    timing = {**twin.timing, "total": fit.seconds}
-    return FitResult(dataclasses.replace(twin, timing=timing, provenance=provenance, source="twin"), fit.result.field)
+    return fit.result.with_twin(timing={**twin.timing, "total": fit.seconds}, provenance=provenance)
 
 
 def _struts_of(frame: Wireframe, struts: np.ndarray) -> Wireframe:
@@ -298,7 +298,7 @@ def _write(stage: Path, step: Step, taken: BatchCapture | None, found: _Found | 
 def _capture_content(taken: BatchCapture | None) -> dict[str, Any]:
     if taken is None:
         return {"capture": None, "pictures": {}}
-    return {"capture": str(taken.source), "pictures": taken.pictures}
+    return {"capture": str(taken.capture.root), "pictures": taken.pictures}
 
 
 def _plan_content(step: Step, going: GoingOn) -> dict[str, Any]:

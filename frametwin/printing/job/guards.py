@@ -188,7 +188,7 @@ def _unchanged(
     if not before.any():
         return None
     for view in capture.capture.views:
-        name = view.image.relative_to(capture.capture.root).as_posix()
+        name = capture.capture.name_of(view.image)
         if name in again:
             camera = [view.camera.without_distortion()]
             now, then = (silhouettes(frame.replace(printed=mask), camera)[0] for mask in (frame.printed, before))
