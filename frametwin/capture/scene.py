@@ -242,9 +242,9 @@ def from_dict(data: dict[str, Any], path: PathLike) -> Scene:
             look=PhotoLook(**look),
         )
     except InputError as error:
-        if str(error).startswith(str(path)):
+        if error.source == str(path):
             raise
-        raise InputError(f"{path}: {error}") from error
+        raise error.inside(path) from error
 
 
 def _object(data: dict[str, Any], key: str, path: PathLike) -> dict[str, Any]:

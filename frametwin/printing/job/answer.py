@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.cameras import Camera
-from frametwin.errors import InputError
+from frametwin.errors import Doubt, InputError
 from frametwin.files import PathLike, write_json
 from frametwin.fitting.api import FitResult, write_run
 from frametwin.formats import frame_json
@@ -27,7 +27,7 @@ from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import guards
 from frametwin.printing.job import job_files as files
 from frametwin.printing.job.batch_capture import BatchCapture, take_capture
-from frametwin.printing.job.guards import Doubt, Expectation, hold
+from frametwin.printing.job.guards import Expectation, hold
 from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.job.next_batch import NextBatch
 from frametwin.printing.job.requeue import laid_again

@@ -123,4 +123,5 @@ def _told_of(copy: Path, original: Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(str(error).replace(str(copy), str(original))) from error
+        error.rename(str(copy), str(original))
+        raise

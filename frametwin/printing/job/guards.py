@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frametwin.errors import InputError
+from frametwin.errors import Doubt, Held
 from frametwin.files import PathLike
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.evidence import Evidence
@@ -59,38 +59,6 @@ class GuardLimits:
     changed_pixels: int = 50
 
 
-@dataclass(frozen=True)
-class Doubt:
-    """One reason to stop: its kind, of `KINDS`, what is wrong and what to do, in words."""
-
-    kind: str
-    problem: str
-    remedy: str
-
-
-class Held(InputError):
-    """The job stops and nothing is written, as printing on would build on something else than what is there.
-
-    Attributes
-    ----------
-    doubts
-        All reasons, the first one being told.
-    """
-
-    doubts: tuple[Doubt, ...] = ()
-
-    @classmethod
-    def because(cls, source: PathLike, doubts: Sequence[Doubt]) -> Held:
-        """Tell of the doubts about the capture ``source``."""
-        first = doubts[0]
-        kinds = listed_words([doubt.kind for doubt in doubts])
-        remedy = f"{first.remedy}, or accept {kinds} to print on all the same"
-        held = cls.at(source, first.kind, first.problem, remedy)
-        assert isinstance(held, Held)
-        held.doubts = tuple(doubts)
-        return held
-
-
 def hold(source: PathLike, doubts: Sequence[Doubt], accept: Collection[str]) -> None:
     """Stop unless all doubts are accepted.
 
@@ -99,9 +67,13 @@ def hold(source: PathLike, doubts: Sequence[Doubt], accept: Collection[str]) -> 
     Held
         With those that are not.
     """
-    rest = [doubt for doubt in doubts if doubt.kind not in accept]
-    if rest:
-        raise Held.because(source, rest)
+    rest = tuple(doubt for doubt in doubts if doubt.kind not in accept)
+    if not rest:
+        return
+    first, kinds = rest[0], listed_words([doubt.kind for doubt in rest])
+    held = Held.at(source, first.kind, first.problem, f"{first.remedy}, or accept {kinds} to print on all the same")
+    held.doubts = rest
+    raise held
 
 
 def listed_words(words: Sequence[str]) -> str:
