@@ -118,6 +118,11 @@ def some(wanted: str) -> Rule:
     return Rule(lambda items: len(items) > 0, wanted)
 
 
+def sized(count: int) -> Rule:
+    """A list of so many items, where the hint leaves their number open."""
+    return Rule(lambda items: len(items) == count)
+
+
 rising = Rule(lambda items: all(low <= high for low, high in zip(items, items[1:], strict=False)))
 """A list in which no number is below the one before."""
 

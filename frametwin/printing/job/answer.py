@@ -34,6 +34,7 @@ from frametwin.printing.job.requeue import laid_again
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.records.sequence_file import write_sequence
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import check_settings
 from frametwin.twin.findings import missing_struts, uncertain_struts
 
 ACCEPTABLE = (*guards.KINDS, "contact")
@@ -75,6 +76,7 @@ class AnswerOptions:
     notes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_settings(self)
         unknown = sorted(set(self.accept) - set(ACCEPTABLE))
         if unknown:
             remedy = f"give one of {', '.join(ACCEPTABLE)}"

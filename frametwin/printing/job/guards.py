@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.job.batch_capture import BatchCapture
 from frametwin.printing.records.sequence import PrintSequence
+from frametwin.ranges import above, between, check_settings, within
 from frametwin.raster.silhouette import silhouettes
 from frametwin.twin.findings import DARK
 from frametwin.twin.twin import Twin
@@ -23,6 +25,9 @@ KINDS = ("old-capture", "wrong-batch", "collapsed", "poor-fit", "displacement", 
 
 NEAR_SHARE, NEAR_RADII = 0.15, 1.5
 """A strut is seen at its joint if any of it is within this share of its length of the joint, or this many radii."""
+
+
+PartOfAll = Annotated[float, between(0.0, 1.0, "a share")]
 
 
 @dataclass(frozen=True)
@@ -48,15 +53,24 @@ class GuardLimits:
         Share of its pixels that must be white for a strut to be taken as there.
     changed_pixels
         Pixels by which the struts of a batch should change a view, so that an unchanged one is an old one.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range; one so wide that nothing would ever be doubted is, too. A doubt is put aside by
+        accepting it, batch by batch and on record.
     """
 
-    mismatch: float = 0.15
-    displacement: float = 1.0
-    confidence: float = 0.1
-    collapsed: float = 0.3
-    elsewhere: float = 0.5
-    whiteness: float = 0.5
-    changed_pixels: int = 50
+    mismatch: PartOfAll = 0.15
+    displacement: Annotated[float, above(0.0, up_to=10.0)] = 1.0
+    confidence: Annotated[float, above(0.0, up_to=1.0)] = 0.1
+    collapsed: PartOfAll = 0.3
+    elsewhere: PartOfAll = 0.5
+    whiteness: PartOfAll = 0.5
+    changed_pixels: Annotated[int, within(1, 100_000)] = 50
+
+    def __post_init__(self) -> None:
+        check_settings(self, "limits")
 
 
 def hold(source: PathLike, doubts: Sequence[Doubt], accept: Collection[str]) -> None:

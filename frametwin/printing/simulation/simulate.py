@@ -6,7 +6,7 @@ import dataclasses
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from frametwin.errors import Held, InputError
 from frametwin.files import PathLike, dump_json, read_json, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.job.answer import AnswerOptions
+from frametwin.printing.job.answer import ACCEPTABLE, AnswerOptions
 from frametwin.printing.job.job import Job
 from frametwin.printing.job.job_files import file_hash
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
@@ -24,6 +24,7 @@ from frametwin.printing.simulation.growth import GrowingPrint
 from frametwin.printing.simulation.outcome import BatchOutcome, PrintReport, Standing
 from frametwin.printing.simulation.simulated_pictures import Renderer, Rig
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, check_settings, one_of
 
 FORMAT = "frametwin-print-simulation"
 OUTCOME_FORMAT = "frametwin-print-outcome"
@@ -56,9 +57,12 @@ class SimulationOptions:
     plan: PlanOptions = field(default_factory=lambda: PlanOptions(allow_contact=True))
     print: PrintSettings = PrintSettings()
     rig: Rig = Rig()
-    seed: int = 0
+    seed: Seed = 0
     fit: bool = False
-    accept: tuple[str, ...] = ()
+    accept: tuple[Annotated[str, one_of(ACCEPTABLE)], ...] = ()
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file: numbers and names."""
