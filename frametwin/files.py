@@ -304,7 +304,7 @@ def _naming(path: PathLike, staged: Path) -> Iterator[None]:
     try:
         yield
     except FrameTwinError as error:
-        error.args = tuple(arg.replace(hidden, shown) if isinstance(arg, str) else arg for arg in error.args)
+        error.rename(hidden, shown)
         raise
     except OSError as error:
         inside = next((str(name) for name in (error.filename, error.filename2) if hidden in str(name)), None)

@@ -232,7 +232,7 @@ def test_smooth_descent_lowers_the_loss_at_every_step_and_finds_the_sag(pull: fl
     elastic = ElasticFrame(FRAMES["straight"])
     truth = as_rods(elastic, sagging(elastic, 2.0), 1)
     level = seen(elastic.frame.replace(vertices=truth.joints, control_points=truth.control_points))
-    stage = CoarseStage(0.9, 1.0, 12, 2, pull=pull)
+    stage = CoarseStage(detail=0.9, blur=1.0, iterations=12, pieces=2, pull=pull)
     stiffness = pull * elastic.assemble(elastic.stiffness)
     motions = np.concatenate([rigid_motions(elastic.frame.vertices), load_answers(elastic, 1)], axis=1)
     pose = start_pose(elastic)
@@ -256,5 +256,7 @@ def test_smooth_descent_at_the_truth_goes_nowhere_far() -> None:
     elastic = ElasticFrame(FRAMES["straight"])
     level = seen(elastic.frame)
     motions = rigid_motions(elastic.frame.vertices)
-    for pose, _ in smooth_descent(elastic, motions, start_pose(elastic), level, CoarseStage(0.9, 1.0, 6, 4), 1.0):
+    for pose, _ in smooth_descent(
+        elastic, motions, start_pose(elastic), level, CoarseStage(detail=0.9, blur=1.0, iterations=6, pieces=4), 1.0
+    ):
         assert np.abs(pose.joints[:, :3]).max() < 0.05

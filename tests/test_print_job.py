@@ -16,7 +16,7 @@ import pytest
 from print_cases import LEAN, LeaningPrint, cameras_of, fingerprint, print_batch, small_job, take_with
 from small_frames import tower
 
-from frametwin.errors import InputError
+from frametwin.errors import Held, InputError
 from frametwin.evaluation.evaluate import evaluate
 from frametwin.files import read_json
 from frametwin.formats import frame_json
@@ -25,7 +25,6 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job import answer as answer_module
 from frametwin.printing.job import job as job_module
 from frametwin.printing.job.answer import AnswerOptions
-from frametwin.printing.job.guards import Held
 from frametwin.printing.job.job import Busy, Job
 from frametwin.printing.toolpath.exports import read_waypoints
 from frametwin.printing.toolpath.waypoints import PRINT
@@ -151,7 +150,7 @@ def second(job: Job, real: LeaningPrint, tmp_path: Path) -> Callable[..., str]:
 
     def refuse(capture: Path, **options: Any) -> str:
         before = fingerprint(job.folder)
-        with pytest.raises(InputError) as caught:
+        with pytest.raises((Held, InputError)) as caught:
             job.answer(capture, AnswerOptions(**options))
         assert fingerprint(job.folder) == before and job.current == 1
         sentence = str(caught.value)
@@ -431,7 +430,7 @@ def test_the_worker_plans_answers_and_tells(tmp_path: Path, design: Wireframe) -
         assert answered["batch"] == 0 and answered["next"]["batch"] == 1 and not answered["finished"]
         status = worker.call("print-status", {"job": str(folder)})
         assert [item["state"] for item in status["batches"]] == ["answered", "current", "to come"]
-        with pytest.raises(InputError, match="old-capture"):
+        with pytest.raises(Held, match="old-capture"):
             worker.call("print-next", {"job": str(folder), "capture": str(capture)})
         with pytest.raises(InputError, match="laser: is not a setting"):
             worker.call("print-plan", {**request, "settings": {"laser": 1}})

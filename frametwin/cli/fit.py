@@ -108,6 +108,7 @@ def _fit(options: FitOptions) -> None:
 
     preset, seed = options.preset, options.seed
     changes = parse_changes(options.assignments, settings_of(preset, seed))
+    settings_of(preset, seed, changes)  # refuses what is wrong before the capture is read
     capture = read_capture(options.capture)
     with Display(options.quiet) as display:
         result = fit_capture(

@@ -17,7 +17,8 @@ def command() -> None:
     A JOB is a folder. It holds the design, the order of its struts, and for every batch the plan that the robot
     follows, its waypoints, the pictures taken afterwards, the twin, and the plan for what follows. All of it can be
     read by hand. A job that is stopped or killed goes on where it was; no batch is answered twice or left out. Lengths
-    are in mm; every command has --json, for programs.
+    are in mm; every command has --json, for programs. The exit code 3 says that a job holds: nothing is wrong with what
+    was typed, but somebody has to look at the print or the cameras.
 
     \b
     By hand:         frametwin print plan FRAME --out JOB

@@ -44,6 +44,9 @@ def next_command(
     there: pictures of another batch or old ones, struts that are lost where others start, a twin that the views do
     not determine there, or that does not fit the pictures. --accept KIND goes on all the same.
 
+    Exit codes: 0 answered, 1 failed, 2 the capture or the command line cannot be used, 3 the job holds (see above),
+    130 interrupted.
+
     \b
     Examples:
       frametwin print next out/job --capture out/captures/000
@@ -87,7 +90,8 @@ def watch_command(
 
     A folder is taken when transforms.json and all the pictures it names are there and have stopped growing. One that
     cannot be used, or with which the job holds (see frametwin print next --help), is told of and left alone until
-    it changes; nothing is printed on meanwhile. Ctrl-C stops at once, and the same command goes on.
+    it changes; nothing is printed on meanwhile. Ctrl-C stops at once, and the same command goes on. The exit code is 0
+    when the print is finished, whatever was passed over, and 130 after Ctrl-C.
 
     \b
     Example:

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -22,6 +23,7 @@ from frametwin.formats import write_frame
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import check_settings, one_of
 from frametwin.twin.twin import FILE_NAME as TWIN_FILE
 from frametwin.twin.twin import read_twin
 
@@ -53,15 +55,12 @@ class ExportSettings:
         If a value is not one of these.
     """
 
-    format: str
-    unit: str | None = None
+    format: Annotated[str, one_of(FORMATS)]
+    unit: Annotated[str, one_of(UNITS)] | None = None
     link: bool = False
 
     def __post_init__(self) -> None:
-        if self.format not in FORMATS:
-            raise InputError.at("settings", "format", f"is {self.format!r}", f"give one of {', '.join(FORMATS)}")
-        if self.unit is not None and self.unit not in UNITS:
-            raise InputError.at("settings", "unit", f"is {self.unit!r}", f"give one of {', '.join(UNITS)}")
+        check_settings(self)
 
     @property
     def units(self) -> str:

@@ -23,6 +23,7 @@ from frametwin.evaluation.evaluate import Errors, evaluate
 from frametwin.files import PathLike, check_format, read_json, write_json, write_text
 from frametwin.fitting.api import fit_capture, settings_of, write_run
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, check_settings
 from frametwin.twin.findings import Detection, missing_struts
 from frametwin.twin.twin import FILE_NAME as TWIN_FILE
 from frametwin.twin.twin import Twin, read_twin
@@ -43,10 +44,11 @@ class FitSettings:
     """
 
     preset: str = "fast"
-    seed: int = 0
+    seed: Seed = 0
     changes: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_settings(self)
         settings_of(self.preset, self.seed, self.changes)
 
 

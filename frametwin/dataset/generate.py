@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
+from typing import Annotated
 
 from frametwin.blender.rendering.client import blender_is_here
 from frametwin.dataset.children import Task, close_idle, make_sample
@@ -13,6 +14,7 @@ from frametwin.dataset.farm import run_tasks
 from frametwin.dataset.run import Busy, DatasetRun
 from frametwin.errors import Cancelled, InputError
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, at_least, check_settings, in_words, rising, within
 
 PER_PROCESS = 25
 """Samples that one process makes before a fresh one takes over: Blender's memory grows with every scene."""
@@ -31,21 +33,19 @@ class GenerateSettings:
     per_process : samples that one process makes before a fresh one takes over.
     """
 
-    seed: int | None = None
-    count: int | None = None
-    shard: tuple[int, int] = (1, 1)
-    workers: int = 1
+    seed: Seed | None = None
+    count: Annotated[int, at_least(1)] | None = None
+    shard: Annotated[
+        tuple[Annotated[int, at_least(1)], Annotated[int, at_least(1)]],
+        rising,
+        in_words("i/n with i from 1 to n, as 2/3"),
+    ] = (1, 1)
+    workers: Annotated[int, within(1, 1024)] = 1
     scheduler: str | None = None
-    per_process: int = PER_PROCESS
+    per_process: Annotated[int, at_least(1)] = PER_PROCESS
 
     def __post_init__(self) -> None:
-        rules = (
-            ("workers", 1 <= self.workers <= 1024, "give a whole number from 1 to 1024"),
-            ("per_process", self.per_process >= 1, "give a whole number from 1 up"),
-        )
-        for name, fine, remedy in rules:
-            if not fine:
-                raise InputError.at("settings", name, f"is {getattr(self, name)!r}", remedy)
+        check_settings(self)
 
 
 @dataclass

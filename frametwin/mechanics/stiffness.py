@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy import sparse
@@ -18,6 +19,7 @@ from frametwin.mechanics.beams import (
     displacement_along,
     solve_clamped,
 )
+from frametwin.ranges import above, between, check_settings
 
 GRAVITY = 9.80665
 """Standard gravity in m/s^2."""
@@ -37,17 +39,12 @@ class Material:
         Density in g/cm^3.
     """
 
-    young: float = 3500.0
-    poisson: float = 0.35
-    density: float = 1.24
+    young: Annotated[float, above(0.0)] = 3500.0
+    poisson: Annotated[float, between(-1.0, 0.5)] = 0.35
+    density: Annotated[float, above(0.0)] = 1.24
 
     def __post_init__(self) -> None:
-        for field in ("young", "density"):
-            value = getattr(self, field)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError.at("material", field, f"is {value}", "give a number above 0")
-        if not -1.0 < self.poisson < 0.5:
-            raise InputError.at("material", "poisson", f"is {self.poisson}", "give a number between -1 and 0.5")
+        check_settings(self, "material")
 
     @property
     def shear(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.optimize import brentq
@@ -20,6 +21,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.deformations import rigid_motion, smooth_warp, tip_load
 from frametwin.mechanics.sag import SagSettings, simulate_sag
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, above, at_least, check_settings, in_words, one_of, within
 from frametwin.raster.silhouette import silhouettes
 from frametwin.simulation.defects import drop_struts
 from frametwin.simulation.print_order import print_share
@@ -64,45 +66,22 @@ class SimulationSettings:
         If a value is out of its range.
     """
 
-    views: int = 8
-    size: tuple[int, int] = (1200, 1600)
-    peak: float | None = None
-    seed: int = 0
-    missing: int = 0
-    missing_share: float = 0.5
-    printed: float | None = None
-    rig: str = "ring"
-    deformation: str = "sag"
-    supersampling: int = 1
+    views: Annotated[int, within(2, 1000), in_words("a whole number from 2 to 1000, 8 are usual")] = 8
+    size: Annotated[
+        tuple[Annotated[int, within(8, 16384)], Annotated[int, within(8, 16384)]],
+        in_words("height and width from 8 to 16384 pixels"),
+    ] = (1200, 1600)
+    peak: Annotated[float, above(0.0, noun="millimetres")] | None = None
+    seed: Seed = 0
+    missing: Annotated[int, at_least(0)] = 0
+    missing_share: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 0.5
+    printed: Annotated[float, above(0.0, up_to=1.0, noun="a share")] | None = None
+    rig: Annotated[str, one_of(RIGS)] = "ring"
+    deformation: Annotated[str, one_of(DEFORMATIONS)] = "sag"
+    supersampling: Annotated[int, within(1, 16)] = 1
 
     def __post_init__(self) -> None:
-        rules = (
-            ("views", 2 <= self.views <= 1000, "give a whole number from 2 to 1000, 8 are usual"),
-            (
-                "size",
-                len(self.size) == 2 and all(8 <= side <= 16384 for side in self.size),
-                "give height and width from 8 to 16384 pixels",
-            ),
-            (
-                "peak",
-                self.peak is None or (np.isfinite(self.peak) and self.peak > 0.0),
-                "give millimetres above 0",
-            ),
-            ("seed", self.seed >= 0, "give a whole number from 0 up"),
-            ("missing", self.missing >= 0, "give a whole number from 0 up"),
-            ("missing_share", 0.0 < self.missing_share <= 1.0, "give a share above 0 and up to 1"),
-            (
-                "printed",
-                self.printed is None or 0.0 < self.printed <= 1.0,
-                "give a share above 0 and up to 1",
-            ),
-            ("rig", self.rig in RIGS, f"give one of {', '.join(RIGS)}"),
-            ("deformation", self.deformation in DEFORMATIONS, f"give one of {', '.join(DEFORMATIONS)}"),
-            ("supersampling", 1 <= self.supersampling <= 16, "give a whole number from 1 to 16"),
-        )
-        for field, fine, remedy in rules:
-            if not fine:
-                raise InputError.at("settings", field, f"is {getattr(self, field)!r}", remedy)
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.cameras import Camera
-from frametwin.errors import InputError
+from frametwin.errors import Doubt, InputError
 from frametwin.files import PathLike, write_json
 from frametwin.fitting.api import FitResult, write_run
 from frametwin.formats import frame_json
@@ -28,13 +28,14 @@ from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import guards
 from frametwin.printing.job import job_files as files
 from frametwin.printing.job.batch_capture import BatchCapture, take_capture
-from frametwin.printing.job.guards import Doubt, Expectation, hold
+from frametwin.printing.job.guards import Expectation, hold
 from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.job.next_batch import NextBatch
 from frametwin.printing.job.requeue import laid_again
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.records.sequence_file import write_sequence
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import check_settings
 from frametwin.twin.findings import missing_struts, uncertain_struts
 
 ACCEPTABLE = (*guards.KINDS, "contact")
@@ -76,6 +77,7 @@ class AnswerOptions:
     notes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_settings(self)
         unknown = sorted(set(self.accept) - set(ACCEPTABLE))
         if unknown:
             remedy = f"give one of {', '.join(ACCEPTABLE)}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from frametwin.errors import InputError
+from frametwin.errors import Held, InputError
 from frametwin.files import PathLike, read_json
 from frametwin.printing.job.answer import AnswerOptions
 from frametwin.printing.job.job import Busy, Job
@@ -93,7 +93,7 @@ class Watch:
         signature = self._seen[folder.name]
         try:
             answer = self.job.answer(folder, self.options, self.progress)
-        except InputError as error:  # a held job among them
+        except (InputError, Held) as error:
             self._refused[folder.name] = (batch, signature)
             self._tell(f"{error} Not printing on.")
             return None
