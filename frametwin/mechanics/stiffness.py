@@ -9,6 +9,7 @@ from scipy import sparse
 
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import ROUNDING, is_straight
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import (
     Chains,
@@ -139,7 +140,7 @@ class FrameBeams:
         sections = replace(sections, axial=material.young * axial * np.pi * frame.radius**2)
         if load is None:
             load = _down(material.weight * np.pi * frame.radius**2 * (0.0 if weightless else 1.0))
-        curved = curved_struts(frame)
+        curved = ~is_straight(frame.control_points, ROUNDING * frame.chord_lengths)
         groups = []
         for mask, count in ((~curved, 1), (curved, pieces)):
             struts = np.flatnonzero(mask & frame.printed)
@@ -236,17 +237,6 @@ def _factors(frame: Wireframe, field: str, values: np.ndarray | None) -> np.ndar
             frame.name, field, "is not a number above 0 for every strut", f"give {frame.strut_count} factors"
         )
     return factors
-
-
-def curved_struts(frame: Wireframe) -> np.ndarray:
-    """(E,) bool: the strut leaves its chord by more than 1e-9 of its length, or runs back along it."""
-    start, end = frame.control_points[:, 0], frame.control_points[:, 3]
-    axis = end - start
-    inner = frame.control_points[:, 1:3] - start[:, None]
-    share = np.einsum("eik,ek->ei", inner, axis) / np.sum(axis**2, axis=1)[:, None]
-    beside = np.linalg.norm(inner - share[:, :, None] * axis[:, None], axis=2).max(axis=1)
-    back = (share < 0.0).any(axis=1) | (share > 1.0).any(axis=1)
-    return back | (beside > 1e-9 * np.linalg.norm(axis, axis=1))
 
 
 def stiffness_matrix(
