@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import glob
+import hashlib
 import json
 import os
 import re
@@ -148,6 +149,31 @@ def _finite_float(text: str) -> float:
     if value in (float("inf"), float("-inf")):
         raise _Damage(text, "is too large for a number", "replace it by a finite number")
     return value
+
+
+def read_bytes(path: PathLike, field: str = "file", remedy: str = "put the file back") -> bytes:
+    """Read a file.
+
+    Raises
+    ------
+    InputError
+        If it is missing, a folder, or not readable.
+    """
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InputError.at(path, field, f"cannot be read ({error.strerror})", remedy) from error
+
+
+def file_hash(path: PathLike, remedy: str = "put the file back") -> str:
+    """SHA-256 of a file, hexadecimal.
+
+    Raises
+    ------
+    InputError
+        As `read_bytes`.
+    """
+    return hashlib.sha256(read_bytes(path, remedy=remedy)).hexdigest()
 
 
 def read_text(path: PathLike, field: str = "file") -> str:

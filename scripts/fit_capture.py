@@ -24,8 +24,7 @@ if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project t
 
 from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
 from frametwin.files import staged_directory  # noqa: E402
-from frametwin.formats import frame_json, read_frame  # noqa: E402
-from frametwin.geometry.parametric import FRAMES, named_frame  # noqa: E402
+from frametwin.formats import find_frame, frame_json  # noqa: E402
 from frametwin.geometry.wireframe import Wireframe  # noqa: E402
 from frametwin.progress import ProgressLines  # noqa: E402
 from frametwin.worker.client import WorkerClient, find_python  # noqa: E402
@@ -77,15 +76,10 @@ def work(options: argparse.Namespace, stage: Path) -> None:
         capture = Path(options.source)
         if not (capture / "transforms.json").is_file():
             capture = stage / "capture"
-            make_capture(options, plan_of(options.source), capture, worker)
+            make_capture(options, find_frame(options.source), capture, worker)
         request = {"capture": capture, "out": stage / "run", "preset": options.preset, "seed": options.seed}
         worker.call("fit", request, ProgressLines(say))
     show(capture, stage, options.out.absolute())
-
-
-def plan_of(source: str) -> Wireframe:
-    """A frame by the name of one of the project's own, or from a file."""
-    return named_frame(source) if source in FRAMES and not Path(source).exists() else read_frame(source)
 
 
 def make_capture(options: argparse.Namespace, plan: Wireframe, folder: Path, worker: WorkerClient) -> None:

@@ -70,19 +70,10 @@ def overwrite_option(what: str) -> Callable[[Function], Function]:
 
 
 def load_frame(name: str) -> Wireframe:
-    """Read a frame file or a folder with one, or build a frame of the project's own by its name.
+    """See `frametwin.formats.find_frame`."""
+    from frametwin.formats import find_frame
 
-    Raises
-    ------
-    InputError
-        If it is neither.
-    """
-    from frametwin.formats import read_frame
-    from frametwin.geometry.parametric import FRAMES, named_frame
-
-    if Path(name).exists() or name not in FRAMES:
-        return read_frame(name)
-    return named_frame(name)
+    return find_frame(name)
 
 
 def check_output_folder(path: Path, overwrite: bool, mark: str) -> None:
