@@ -64,6 +64,27 @@ def quiet_option(function: Function) -> Function:
     return click.option("--quiet", is_flag=True, help="Show no progress on standard error.")(function)
 
 
+def workers_option(function: Function) -> Function:
+    """Add ``--workers``."""
+    return click.option(
+        "--workers",
+        type=click.IntRange(1, 1024),
+        default=1,
+        show_default=True,
+        help="Processes on this machine (Dask).",
+    )(function)
+
+
+def scheduler_option(function: Function) -> Function:
+    """Add ``--scheduler``."""
+    return click.option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="A Dask scheduler that exists, as tcp://10.0.0.1:8786; its workers need the project installed and the"
+        " same folders.",
+    )(function)
+
+
 def overwrite_option(what: str) -> Callable[[Function], Function]:
     """Add ``--overwrite``."""
     return click.option("--overwrite", is_flag=True, help=f"Replace {what} if it exists already.")

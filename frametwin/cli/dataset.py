@@ -8,7 +8,16 @@ from typing import Any
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, listed, print_facts, print_json, quiet_option
+from frametwin.cli.common import (
+    FOLDER,
+    json_option,
+    listed,
+    print_facts,
+    print_json,
+    quiet_option,
+    scheduler_option,
+    workers_option,
+)
 from frametwin.cli.dataset_checks import validate_command
 from frametwin.cli.dataset_export import export_command
 from frametwin.cli.dataset_fit import fit_command
@@ -55,15 +64,8 @@ def command() -> None:
 @click.option(
     "--shard", type=Shard(), default="1/1", help="Make only every n-th sample, from the i-th on; for render farms."
 )
-@click.option(
-    "--workers", type=click.IntRange(1, 1024), default=1, show_default=True, help="Processes on this machine (Dask)."
-)
-@click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="A Dask scheduler that exists, as tcp://10.0.0.1:8786; its workers need the project installed and the same"
-    " folders.",
-)
+@workers_option
+@scheduler_option
 @click.option(
     "--per-process",
     type=click.IntRange(1),

@@ -15,7 +15,7 @@ import numpy as np
 
 from frametwin import __version__
 from frametwin.capture.capture import Capture, read_capture
-from frametwin.dataset.farm import run_tasks
+from frametwin.dataset.farm import SampleSteps, run_tasks
 from frametwin.dataset.folder import Dataset, SampleEntry, read_dataset
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import Cancelled, FrameTwinError, InputError
@@ -135,7 +135,7 @@ def fit_dataset(
     settings = FitSettings() if settings is None else settings
     dataset = read_dataset(folder)
     total = len(dataset.samples)
-    shown = _Steps(progress, total)
+    shown = SampleSteps(progress, total)
     inside = shown if workers <= 1 and scheduler is None else None  # a callback does not reach other processes
     function = partial(fit_sample, settings=settings, again=again, progress=inside)
     tasks = [SampleTask(entry, dataset.run_folder(entry.index)) for entry in dataset.samples]
@@ -315,15 +315,3 @@ def read_table(folder: PathLike) -> dict[int, FitRow]:
     except (KeyError, TypeError) as error:
         raise InputError.at(path, "samples", f"are damaged ({error})", "fit the dataset again") from error
     return {row.index: row for row in rows}
-
-
-class _Steps:
-    """Shows the steps of single fits, where they are made one after the other."""
-
-    def __init__(self, progress: ProgressCallback | None, total: int) -> None:
-        self.progress, self.total, self.done = progress, total, 0
-
-    def __call__(self, step: Progress) -> bool | None:
-        if self.progress is None:
-            return None
-        return self.progress(replace(step, stage=f"sample {self.done + 1} of {self.total}: {step.stage}"))
