@@ -131,10 +131,3 @@ def print_facts(title: str, facts: Sequence[tuple[str, str]]) -> None:
     width = max(len(name) for name, _ in facts)
     for name, value in facts:
         click.echo(f"  {name:<{width}}  {value}")
-
-
-def listed(indices: Sequence[int], most: int = 20) -> str:
-    """Indices as text; beyond ``most`` only how many more there are."""
-    shown = ", ".join(str(int(i)) for i in indices[:most])
-    more = len(indices) - most
-    return f"{shown} and {more} more" if more > 0 else shown or "none"

@@ -11,7 +11,6 @@ import click
 from frametwin.cli.common import (
     FOLDER,
     json_option,
-    listed,
     print_facts,
     print_json,
     quiet_option,
@@ -23,6 +22,7 @@ from frametwin.cli.dataset_export import export_command
 from frametwin.cli.dataset_fit import fit_command
 from frametwin.cli.dataset_view import view_command
 from frametwin.cli.display import Display
+from frametwin.wording import shortened
 
 
 class Shard(click.ParamType):
@@ -100,7 +100,7 @@ def generate_command(recipe: Path, out: Path, quiet: bool, as_json: bool, **sett
         ("there already", f"{len(report.kept)}"),
     ]
     if report.busy:
-        facts.append(("left to another run", listed(report.busy)))
+        facts.append(("left to another run", shortened(report.busy)))
     facts.append(("next", f"frametwin dataset validate {out}"))
     print_facts(f"dataset: {out}", facts)
     for index, reason in sorted((i, text) for i, text in report.damaged.items() if i in report.made):

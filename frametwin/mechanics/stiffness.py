@@ -19,6 +19,7 @@ from frametwin.mechanics.beams import (
     displacement_along,
     solve_clamped,
 )
+from frametwin.wording import listed
 
 GRAVITY = 9.80665
 """Standard gravity in m/s^2."""
@@ -299,10 +300,9 @@ def require_grounded(frame: Wireframe) -> None:
     held[labels[part.grounded]] = True
     loose = np.flatnonzero(~held[labels[part.edges[:, 0]]])
     if len(loose):
-        some = ", ".join(str(edge_ids[i]) for i in loose[:5]) + (" ..." if len(loose) > 5 else "")
         raise InputError.at(
             frame.name,
             "edges",
-            f"{len(loose)} printed struts have no connection to a grounded vertex (struts {some})",
+            f"{len(loose)} printed struts have no connection to a grounded vertex ({listed(edge_ids[loose], 5)})",
             "connect them, mark one of their vertices as grounded, or mark them as not printed",
         )

@@ -16,7 +16,7 @@ from frametwin.printing.records.sequence import PrintSequence
 from frametwin.raster.silhouette import silhouettes
 from frametwin.twin.findings import DARK
 from frametwin.twin.twin import Twin
-from frametwin.wording import listed
+from frametwin.wording import enumerated, listed
 
 KINDS = ("old-capture", "wrong-batch", "collapsed", "poor-fit", "displacement", "lost-struts", "low-confidence")
 """Why a job may stop; each can be accepted by name."""
@@ -83,7 +83,7 @@ class Held(InputError):
     def because(cls, source: PathLike, doubts: Sequence[Doubt]) -> Held:
         """Tell of the doubts about the capture ``source``."""
         first = doubts[0]
-        kinds = listed_words([doubt.kind for doubt in doubts])
+        kinds = enumerated(dict.fromkeys(doubt.kind for doubt in doubts))
         remedy = f"{first.remedy}, or accept {kinds} to print on all the same"
         held = cls.at(source, first.kind, first.problem, remedy)
         assert isinstance(held, Held)
@@ -102,12 +102,6 @@ def hold(source: PathLike, doubts: Sequence[Doubt], accept: Collection[str]) -> 
     rest = [doubt for doubt in doubts if doubt.kind not in accept]
     if rest:
         raise Held.because(source, rest)
-
-
-def listed_words(words: Sequence[str]) -> str:
-    """Words, each once, as in a sentence."""
-    once = list(dict.fromkeys(words))
-    return once[0] if len(once) == 1 else f"{', '.join(once[:-1])} and {once[-1]}"
 
 
 @dataclass(frozen=True, eq=False)
