@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from frametwin.errors import InputError
 from frametwin.files import PathLike, read_bytes
+from frametwin.imaging.decoding import decoded
 
 REMEDY = "make the sample again"
 
@@ -92,10 +92,7 @@ def content_hash(path: Path, data: bytes | None = None) -> str:
 
 
 def _pixels(path: Path, data: bytes) -> Iterable[tuple[str, np.ndarray]]:
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    if image is None:
-        raise InputError.at(path, "image", "the picture is damaged", REMEDY)
-    yield "pixels", image
+    yield "pixels", decoded(data, path, REMEDY)
 
 
 def _channels(path: Path, data: bytes) -> Iterable[tuple[str, np.ndarray]]:

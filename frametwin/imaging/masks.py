@@ -11,6 +11,7 @@ from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
 from frametwin.capture.image_files import image_size, read_image_bytes
 from frametwin.errors import InputError
+from frametwin.imaging.decoding import decoded, eight_bits
 from frametwin.progress import Progress, ProgressCallback, report
 
 PHOTO_THRESHOLD = 120
@@ -148,9 +149,7 @@ def _decode(path: Path, camera: Camera) -> np.ndarray:
     """Decode a picture as (H, W) or (H, W, 3) uint8; transparent pixels become black."""
     data = read_image_bytes(path)
     image_size(path, data)  # names what is wrong with the file; the decoder would only say that something is
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise InputError.at(path, "image", "the picture is damaged", "save it again, as PNG or JPEG")
+    image = eight_bits(decoded(data, path))
     if image.shape[:2] != (camera.height, camera.width):
         raise InputError.at(
             path,
@@ -159,8 +158,6 @@ def _decode(path: Path, camera: Camera) -> np.ndarray:
             f" {camera.width} x {camera.height}",
             "give the picture as it was taken, or calibrate again",
         )
-    if image.dtype != np.uint8:
-        image = (image // 257).astype(np.uint8)  # 16 bits a channel
     if image.ndim == 3 and image.shape[2] == 4:
         share = image[..., 3:].astype(np.float32) / 255.0
         image = (image[..., :3] * share).round().astype(np.uint8)
