@@ -20,7 +20,7 @@ from frametwin.dataset.folder import Dataset, SampleEntry, read_dataset
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import Cancelled, FrameTwinError, InputError
 from frametwin.evaluation.evaluate import Errors, evaluate
-from frametwin.files import PathLike, check_format, read_json, write_json, write_text
+from frametwin.files import PathLike, write_json, write_text
 from frametwin.fitting.api import fit_capture, input_hashes, settings_of, write_run
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.twin.findings import Detection, missing_struts
@@ -295,23 +295,3 @@ def write_table(dataset: Dataset, settings: FitSettings, rows: Sequence[FitRow])
             "samples": [{name: value for name, value in asdict(row).items() if name != "kept"} for row in rows],
         },
     )
-
-
-def read_table(folder: PathLike) -> dict[int, FitRow]:
-    """The rows of ``fit.json`` by index; none if the dataset has not been fitted.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, or of another format or version.
-    """
-    path = Path(folder) / TABLE_FILE
-    if not path.is_file():
-        return {}
-    data = read_json(path)
-    check_format(data, path, FORMAT, VERSION)
-    try:
-        rows = [FitRow(**item) for item in data["samples"]]
-    except (KeyError, TypeError) as error:
-        raise InputError.at(path, "samples", f"are damaged ({error})", "fit the dataset again") from error
-    return {row.index: row for row in rows}

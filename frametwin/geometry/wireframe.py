@@ -259,10 +259,6 @@ class Wireframe:
         """(V,) bool: at least one printed strut ends there."""
         return self._touched(self.printed)
 
-    def interface_vertices(self) -> np.ndarray:
-        """(V,) bool: printed and unprinted struts meet there."""
-        return self._touched(self.printed) & self._touched(~self.printed)
-
     def components(self) -> tuple[int, np.ndarray]:
         """Find the connected parts of the graph.
 

@@ -61,11 +61,6 @@ class Material:
         """Weight of a volume in N/mm^3."""
         return 1e-6 * self.density * GRAVITY
 
-    @property
-    def mass(self) -> float:
-        """Mass of a volume in t/mm^3, the unit that goes with N and mm."""
-        return 1e-9 * self.density
-
 
 PLA = Material()
 
@@ -161,7 +156,15 @@ class FrameBeams:
         return sum(len(g.struts) * (g.chains.points.shape[1] - 1) for g in self.groups)
 
     def stiffness(self) -> sparse.csc_matrix:
-        """Stiffness (6 V, 6 V) of the joints; rows and columns of joints without printed struts are empty."""
+        """Stiffness of the joints, before any of them is held.
+
+        Returns
+        -------
+        (6 V, 6 V) sparse matrix
+            Symmetric and positive semi-definite; vertex v owns rows 6 v .. 6 v + 5 (ux uy uz rx ry rz). N/mm between
+            displacements, N between displacements and rotations, N mm between rotations. Rows and columns of joints
+            without printed struts are empty.
+        """
         matrix = sparse.csc_matrix((6 * self.frame.vertex_count,) * 2)
         for group in self.groups:
             edges = self.frame.edges[group.struts]
@@ -238,45 +241,6 @@ def _factors(frame: Wireframe, field: str, values: np.ndarray | None) -> np.ndar
             frame.name, field, "is not a number above 0 for every strut", f"give {frame.strut_count} factors"
         )
     return factors
-
-
-def stiffness_matrix(
-    frame: Wireframe,
-    stiffness_scale: np.ndarray | None = None,
-    *,
-    material: Material = PLA,
-    pieces: int = 4,
-) -> sparse.csc_matrix:
-    """Stiffness of the frame's joints, before any joint is held.
-
-    Parameters
-    ----------
-    frame
-        The frame at rest; only printed struts carry.
-    stiffness_scale
-        (E,) factors on the stiffness of the struts; default ones.
-    material
-        Of all struts.
-    pieces
-        Straight beams along a curved strut, condensed to its ends.
-
-    Returns
-    -------
-    (6 V, 6 V) symmetric, positive semi-definite; vertex v owns rows 6 v .. 6 v + 5 (ux uy uz rx ry rz). N/mm
-    between displacements, N between displacements and rotations, N mm between rotations.
-
-    Raises
-    ------
-    InputError
-        If ``stiffness_scale`` is not (E,) or not above 0.
-    """
-    beams = FrameBeams.build(frame, stiffness_scale, material=material, weightless=True, pieces=pieces)
-    return beams.stiffness()
-
-
-def gravity_loads(frame: Wireframe, *, material: Material = PLA, pieces: int = 4) -> np.ndarray:
-    """Forces in N and moments in N mm (V, 6) that the weight of the printed struts puts on the joints."""
-    return FrameBeams.build(frame, material=material, pieces=pieces).loads()
 
 
 def require_grounded(frame: Wireframe) -> None:
