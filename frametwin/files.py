@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import glob
+import hashlib
 import json
 import os
 import re
@@ -150,7 +151,7 @@ def _finite_float(text: str) -> float:
     return value
 
 
-def read_bytes(path: PathLike, field: str = "file") -> bytes:
+def read_bytes(path: PathLike, field: str = "file", remedy: str = "give a file that can be opened") -> bytes:
     """Read a file.
 
     Raises
@@ -163,9 +164,18 @@ def read_bytes(path: PathLike, field: str = "file") -> bytes:
     except FileNotFoundError as error:
         raise InputError.at(path, field, "the file does not exist", "check the name, or put the file there") from error
     except OSError as error:
-        raise InputError.at(
-            path, field, f"cannot be read ({error.strerror})", "give a file that can be opened"
-        ) from error
+        raise InputError.at(path, field, f"cannot be read ({error.strerror})", remedy) from error
+
+
+def file_hash(path: PathLike, remedy: str = "put the file back") -> str:
+    """SHA-256 of a file, hexadecimal.
+
+    Raises
+    ------
+    InputError
+        As `read_bytes`.
+    """
+    return hashlib.sha256(read_bytes(path, remedy=remedy)).hexdigest()
 
 
 def decode_text(data: bytes, path: PathLike, field: str = "file") -> str:

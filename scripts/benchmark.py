@@ -106,7 +106,7 @@ def _masks(capture) -> list[np.ndarray]:
 def _masks_by_blender(capture, style: str) -> list[np.ndarray]:
     """Masks as Blender renders them, or found in photos that it renders."""
     from frametwin.blender.rendering.client import render_in_child
-    from frametwin.capture.png import decode_png
+    from frametwin.capture.image_files import decode_png
     from frametwin.capture.scene import Scene
     from frametwin.imaging.masks import binarise_photo
 

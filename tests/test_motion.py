@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rod_cases import squared_loss
 from small_frames import tower
 
 from frametwin.cameras.rigs import ring_rig
@@ -15,7 +16,6 @@ from frametwin.fitting.motion import GROUND, Pose, as_rods, free_step, joint_sys
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import solve_clamped
 from frametwin.mechanics.stiffness import FrameBeams
-from frametwin.raster import rods
 from frametwin.raster.pyramid import Level, Pyramid
 from frametwin.raster.rods import Terms
 from frametwin.raster.silhouette import silhouettes
@@ -236,9 +236,9 @@ def test_smooth_descent_lowers_the_loss_at_every_step_and_finds_the_sag(pull: fl
     stiffness = pull * elastic.assemble(elastic.stiffness)
     motions = np.concatenate([rigid_motions(elastic.frame.vertices), load_answers(elastic, 1)], axis=1)
     pose = start_pose(elastic)
-    total = [rods.squared_loss(as_rods(elastic, pose, 2), level)]
+    total = [squared_loss(as_rods(elastic, pose, 2), level)]
     for step, loss in smooth_descent(elastic, motions, pose, level, stage, 1.0):
-        assert loss == pytest.approx(rods.squared_loss(as_rods(elastic, step, 2), level), rel=1e-6)
+        assert loss == pytest.approx(squared_loss(as_rods(elastic, step, 2), level), rel=1e-6)
         furthest = np.linalg.norm((step.joints - pose.joints)[:, :3], axis=1)
         assert np.percentile(furthest, 98) <= 1.0 + 1e-9
         assert not step.inner.any()

@@ -137,7 +137,6 @@ def test_print_state(straight_frame: Wireframe) -> None:
     assert part.printed.all() and np.array_equal(edge_ids, np.flatnonzero(lower))
     assert np.array_equal(vertex_ids, np.flatnonzero(frame.vertices[:, 2] <= 20.0))
     assert np.array_equal(frame.printed_vertices(), frame.vertices[:, 2] <= 20.0)
-    assert np.array_equal(frame.interface_vertices(), frame.vertices[:, 2] == 20.0)
     with pytest.raises(InputError, match="printed"):
         frame.replace(printed=np.zeros(frame.strut_count, dtype=bool)).printed_part()
 

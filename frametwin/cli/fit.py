@@ -14,7 +14,6 @@ from frametwin.cli.common import (
     FOLDER,
     check_output_folder,
     json_option,
-    listed,
     overwrite_option,
     print_facts,
     print_json,
@@ -22,6 +21,7 @@ from frametwin.cli.common import (
 )
 from frametwin.cli.display import Display
 from frametwin.errors import InputError
+from frametwin.wording import shortened
 
 if TYPE_CHECKING:
     pass
@@ -125,11 +125,10 @@ def _fit(options: FitOptions) -> None:
 def summary_facts(data: dict[str, Any], views: int) -> list[tuple[str, str]]:
     """The same for people."""
     there = [f"{item['strut']} ({item['completeness']:.0%} there)" for item in data["missing"]]
-    more = [f"and {len(there) - 20} more"] if len(there) > 20 else []
     facts = [
         ("frame", f"{data['frame']}, {data['printed']} of {data['struts']} struts printed, {views} views"),
-        ("missing struts", ", ".join([*there[:20], *more]) or "none"),
-        ("uncertain struts", listed([item["strut"] for item in data["uncertain"]])),
+        ("missing struts", shortened(there)),
+        ("uncertain struts", shortened([item["strut"] for item in data["uncertain"]])),
         ("time", f"{data['seconds']:.1f} s"),
     ]
     if data["loss"] is not None:

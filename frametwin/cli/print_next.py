@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, listed, print_facts, print_json, quiet_option
+from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option
 from frametwin.cli.display import Display
 from frametwin.cli.print_common import accept_option
+from frametwin.wording import shortened
 
 if TYPE_CHECKING:
     from frametwin.printing.job.job import Job
@@ -119,7 +120,7 @@ def answer_facts(job: Job, report: dict[str, Any]) -> list[tuple[str, str]]:
     """The same for people."""
     facts = [
         ("struts", f"{len(report['laid'])} laid, {report['standing']} of {job.design.strut_count} stand"),
-        ("lost", listed(report["lost"]) + (", laid again next" if report["again"] else "")),
+        ("lost", shortened(report["lost"]) + (", laid again next" if report["again"] else "")),
         ("from the design", f"{report['e_max']:.2f} mm at most"),
     ]
     twin = report.get("twin")

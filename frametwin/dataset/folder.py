@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from frametwin.checked_json import Fields
-from frametwin.dataset.hashes import REMEDY, FileHash, hash_file, read_bytes, sample_content
+from frametwin.dataset.hashes import REMEDY, FileHash, hash_file, sample_content
 from frametwin.errors import InputError
-from frametwin.files import PathLike, check_format, read_json, write_json
+from frametwin.files import PathLike, check_format, file_hash, read_json, write_json
 
 DATASET_FORMAT, SAMPLE_FORMAT = "frametwin-dataset", "frametwin-sample"
 VERSION = 1
@@ -308,7 +307,7 @@ def _bytes_problems(root: Path, name: str, noted: FileHash) -> list[str]:
         size = (root / name).stat().st_size
         if size != noted.bytes:
             return [f"{name} has {size} bytes where {SAMPLE_FILE} says {noted.bytes}"]
-        if hashlib.sha256(read_bytes(root / name)).hexdigest() != noted.sha256:
+        if file_hash(root / name, REMEDY) != noted.sha256:
             return [f"{name} has changed since the sample was made (another SHA-256)"]
     except (OSError, InputError) as error:
         return [f"{name} cannot be read ({error})"]

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from frametwin.blender.rendering.client import blender_is_here
 from frametwin.dataset.children import Task, close_idle, make_sample
-from frametwin.dataset.farm import run_tasks
+from frametwin.dataset.farm import SampleSteps, run_tasks
 from frametwin.dataset.run import Busy, DatasetRun
 from frametwin.errors import Cancelled, InputError
 from frametwin.progress import Progress, ProgressCallback, report
@@ -116,7 +116,7 @@ def generate(
         for i in survey.wanted
     ]  # fmt: skip
     alone = settings.scheduler is None and settings.workers == 1
-    shown = _Steps(progress, len(tasks)) if alone else None
+    shown = SampleSteps(progress, len(tasks)) if alone else None
     function: Callable[[Task], str] = make_sample if shown is None else lambda task: make_sample(task, shown)
     done = 0
     try:
@@ -162,16 +162,3 @@ def _sort_in(result: Report, index: int, outcome: str | Exception) -> None:
         result.failed[index] = str(outcome)
     else:
         result.made.append(index)
-
-
-class _Steps:
-    """Shows the steps of single samples, where they are made one after the other."""
-
-    def __init__(self, progress: ProgressCallback | None, total: int) -> None:
-        self.progress, self.total, self.done = progress, total, 0
-
-    def __call__(self, step: Progress) -> bool | None:
-        if self.progress is None:
-            return None
-        stage = f"sample {self.done + 1} of {self.total}: {step.stage}"
-        return self.progress(Progress(stage, step.iteration, step.total))

@@ -11,10 +11,10 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
-from frametwin.capture.picture import Picture
 from frametwin.dataset.true_curves import TrueCurves
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.decoding import decoded, eight_bits
 from frametwin.imaging.masks import read_masks
 from frametwin.raster.silhouette import silhouettes
 
@@ -96,8 +96,11 @@ def is_photo(view: View) -> bool:
     """Whether a view is a photo, not a mask: it has a background, or colours."""
     if view.background is not None:
         return True
-    image = _decoded(view.image)
-    return image is not None and image.ndim == 3 and bool((image != image[..., :1]).any())
+    try:
+        image = _pixels(view.image)
+    except InputError:
+        return False
+    return image.ndim == 3 and bool((image != image[..., :1]).any())
 
 
 def exposure_problems(view: View, root: Path) -> list[str]:
@@ -106,8 +109,9 @@ def exposure_problems(view: View, root: Path) -> list[str]:
     photo = is_photo(view)
     for picture in view.pictures:
         name = picture.path.relative_to(root).as_posix()
-        image = _decoded(picture)
-        if image is None:
+        try:
+            image = _pixels(picture)
+        except InputError:
             problems.append(f"{name} cannot be decoded")
             continue
         grey = image if image.ndim == 2 else image[..., :3].max(axis=2)
@@ -130,11 +134,8 @@ def _photo_problems(grey: np.ndarray, least: int) -> list[str]:
     return [f"is saturated ({clipped:.0%} of it is clipped)"] if clipped > MOST_CLIPPED else []
 
 
-def _decoded(picture: Picture) -> np.ndarray | None:
-    image = cv2.imdecode(np.frombuffer(picture.data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        return None
-    return np.asarray(image if image.dtype == np.uint8 else image // 257)
+def _pixels(picture: Picture) -> np.ndarray:
+    return eight_bits(decoded(picture.data, picture.path))
 
 
 def mask_problems(

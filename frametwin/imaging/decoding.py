@@ -1,33 +1,42 @@
-"""The pixels of pictures."""
+"""The pixels of a picture file, as OpenCV decodes them."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-from frametwin.capture.picture import Picture
 from frametwin.errors import InputError
+from frametwin.files import PathLike
 
 
-def decode(picture: Picture) -> np.ndarray:
-    """Decode a picture to 8 bits a channel; transparent pixels become black.
+def decoded(data: bytes, path: PathLike, remedy: str = "save it again, as PNG or JPEG") -> np.ndarray:
+    """Decode a picture as it is stored.
+
+    Parameters
+    ----------
+    data
+        The bytes of the file.
+    path
+        What to call it in messages.
+    remedy
+        What to do about a damaged one.
 
     Returns
     -------
-    (H, W) or (H, W, 3) array of uint8
-        Blue, green, red.
+    pixels : (H, W), (H, W, 3) or (H, W, 4) array, uint8 or uint16
+        Channels in OpenCV's order: blue, green, red, opacity.
 
     Raises
     ------
     InputError
         If it cannot be decoded.
     """
-    image = cv2.imdecode(np.frombuffer(picture.data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if image is None:
-        raise InputError.at(picture.path, "image", "the picture is damaged", "save it again, as PNG or JPEG")
-    if image.dtype != np.uint8:
-        image = (image // 257).astype(np.uint8)  # 16 bits a channel
-    if image.ndim == 3 and image.shape[2] == 4:
-        share = image[..., 3:].astype(np.float32) / 255.0
-        image = (image[..., :3] * share).round().astype(np.uint8)
-    return image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image
+        raise InputError.at(path, "image", "the picture is damaged", remedy)
+    return np.asarray(image)
+
+
+def eight_bits(image: np.ndarray) -> np.ndarray:
+    """The same picture with 8 bits a channel: of 16 the upper ones, so that white stays white."""
+    return image if image.dtype == np.uint8 else (image // 257).astype(np.uint8)

@@ -9,7 +9,7 @@ from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
 from frametwin.capture.picture import Picture
 from frametwin.errors import InputError
-from frametwin.imaging.decoding import decode
+from frametwin.imaging.decoding import decoded, eight_bits
 from frametwin.progress import Progress, ProgressCallback, report
 
 PHOTO_THRESHOLD = 120
@@ -144,8 +144,8 @@ def undistort(mask: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def _decode(picture: Picture, camera: Camera) -> np.ndarray:
-    """Decode the picture of a camera."""
-    image = decode(picture)
+    """Decode the picture of a camera as (H, W) or (H, W, 3) uint8; transparent pixels become black."""
+    image = eight_bits(decoded(picture.data, picture.path))
     if image.shape[:2] != (camera.height, camera.width):
         raise InputError.at(
             picture.path,
@@ -154,7 +154,10 @@ def _decode(picture: Picture, camera: Camera) -> np.ndarray:
             f" {camera.width} x {camera.height}",
             "give the picture as it was taken, or calibrate again",
         )
-    return image
+    if image.ndim == 3 and image.shape[2] == 4:
+        share = image[..., 3:].astype(np.float32) / 255.0
+        image = (image[..., :3] * share).round().astype(np.uint8)
+    return image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image
 
 
 def _check_content(mask: np.ndarray, picture: Picture) -> None:

@@ -90,12 +90,6 @@ def transmittance(rods: Rods, level: Level) -> np.ndarray:
     return result
 
 
-def squared_loss(rods: Rods, level: Level) -> float:
-    """Half the sum of squared residuals over all views."""
-    residual = np.float32(1.0) - transmittance(rods, level) - level.target
-    return 0.5 * float(np.dot(residual, residual))
-
-
 def gauss_newton(rods: Rods, level: Level) -> Terms:
     """Loss, gradient and the Gauss-Newton approximation of its Hessian."""
     through = transmittance(rods, level)

@@ -18,7 +18,7 @@ from frametwin.ranges import above, between, check_settings, within
 from frametwin.raster.silhouette import silhouettes
 from frametwin.twin.findings import DARK
 from frametwin.twin.twin import Twin
-from frametwin.wording import listed
+from frametwin.wording import enumerated, listed
 
 KINDS = ("old-capture", "wrong-batch", "collapsed", "poor-fit", "displacement", "lost-struts", "low-confidence")
 """Why a job may stop; each can be accepted by name."""
@@ -84,16 +84,10 @@ def hold(source: PathLike, doubts: Sequence[Doubt], accept: Collection[str]) -> 
     rest = tuple(doubt for doubt in doubts if doubt.kind not in accept)
     if not rest:
         return
-    first, kinds = rest[0], listed_words([doubt.kind for doubt in rest])
+    first, kinds = rest[0], enumerated(dict.fromkeys(doubt.kind for doubt in rest))
     held = Held.at(source, first.kind, first.problem, f"{first.remedy}, or accept {kinds} to print on all the same")
     held.doubts = rest
     raise held
-
-
-def listed_words(words: Sequence[str]) -> str:
-    """Words, each once, as in a sentence."""
-    once = list(dict.fromkeys(words))
-    return once[0] if len(once) == 1 else f"{', '.join(once[:-1])} and {once[-1]}"
 
 
 @dataclass(frozen=True, eq=False)

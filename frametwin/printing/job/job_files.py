@@ -20,7 +20,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -32,7 +31,7 @@ from frametwin import __version__
 from frametwin.arrays import checked_array
 from frametwin.checked_json import convert_fields, told_of
 from frametwin.errors import InputError
-from frametwin.files import PathLike, check_format, read_json, write_json
+from frametwin.files import check_format, file_hash, read_json, write_json
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.toolpath.robot_files import RobotSettings
 from frametwin.ranges import check_settings
@@ -180,20 +179,6 @@ def read_job_file(folder: Path) -> JobFile:
             raise InputError.at(folder / file, "file", "is not the one that the job was planned with", remedy)
     settings = JobSettings.from_dict(data["settings"], str(path))
     return JobFile(data["name"], data["struts"], data["batches"], settings, data["hashes"])
-
-
-def file_hash(path: PathLike) -> str:
-    """SHA-256 of a file.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError.at(path, "file", f"cannot be read ({error.strerror})", "put the file back") from error
 
 
 def write_report(folder: Path, report: Mapping[str, Any]) -> None:

@@ -147,13 +147,3 @@ class Chance:
         pull[:, :2] = sideways + settings.residual * rng.normal(size=(struts, 2))
         placement = settings.placement * rng.normal(size=(struts, 2, 3))
         return cls(speed, pull, placement, rng.uniform(*settings.seconds, size=struts))
-
-    @classmethod
-    def nominal(cls, struts: int, settings: PrintSettings) -> Chance:
-        """What is expected, nothing being left to chance."""
-        return cls(
-            speed=np.ones(struts),
-            pull=np.tile([0.0, 0.0, -1.0], (struts, 1)),
-            placement=np.zeros((struts, 2, 3)),
-            seconds=np.full(struts, float(np.mean(settings.seconds))),
-        )

@@ -15,6 +15,7 @@ import numba as nb
 import numpy as np
 
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import chord_error, chords_needed
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.progress import Progress, ProgressCallback, report
@@ -63,10 +64,7 @@ class Rods:
     @classmethod
     def of(cls, control_points: np.ndarray, radius: np.ndarray) -> Rods:
         """Cut curves (E, 4, 3) of ``radius`` (E,)."""
-        # A cubic leaves the chord of an interval of length s by at most s^2 / 8 of its largest second derivative.
-        bend = 6.0 * np.linalg.norm(np.diff(control_points, n=2, axis=1), axis=2).max(axis=1)
-        counts = np.maximum(1, np.ceil(np.sqrt(bend / (8.0 * FLATNESS * radius)))).astype(np.int64)
-        counts[bend <= 8e-6 * radius] = 1
+        counts = np.maximum(1, np.ceil(chords_needed(control_points, FLATNESS * radius))).astype(np.int64)
         first = np.concatenate([[0], np.cumsum(counts)])
         start, end = np.empty((first[-1], 3)), np.empty((first[-1], 3))
         for count in np.unique(counts):
@@ -74,7 +72,7 @@ class Rods:
             points = bezier.evaluate(control_points[struts], np.linspace(0.0, 1.0, count + 1))  # (n, count + 1, 3)
             at = first[struts][:, None] + np.arange(count)
             start[at], end[at] = points[:, :-1], points[:, 1:]
-        slack = bend / (8.0 * counts**2)
+        slack = chord_error(control_points, counts)
         centre = 0.5 * (control_points.min(axis=1) + control_points.max(axis=1))
         reach = np.linalg.norm(control_points - centre[:, None], axis=2).max(axis=1)
         return cls(start, end, first, radius + slack, slack, centre, reach + slack)

@@ -12,12 +12,11 @@ import numpy as np
 
 from frametwin.capture.image_files import write_png
 from frametwin.errors import Held, InputError
-from frametwin.files import PathLike, dump_json, read_json, write_json
+from frametwin.files import PathLike, dump_json, file_hash, read_json, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.answer import ACCEPTABLE, AnswerOptions
 from frametwin.printing.job.job import Job
-from frametwin.printing.job.job_files import file_hash
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.simulation.growth import GrowingPrint
