@@ -23,7 +23,7 @@ from frametwin.printing.job.job import Job
 from frametwin.printing.toolpath.robot_files import FORMATS
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMANDS = ("plan", "next", "watch", "status", "simulate")
+COMMANDS = ("plan", "check", "next", "watch", "status", "simulate")
 
 
 @pytest.fixture
