@@ -25,7 +25,7 @@ from frametwin.printing.toolpath.robot_files import FORMATS
 from frametwin.worker.client import WorkerClient
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMANDS = ("plan", "next", "watch", "status", "simulate")
+COMMANDS = ("plan", "check", "next", "watch", "status", "simulate")
 
 
 @pytest.fixture

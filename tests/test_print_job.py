@@ -24,8 +24,12 @@ from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job import answer as answer_module
 from frametwin.printing.job import job as job_module
+from frametwin.printing.job import plan_job as plan_module
 from frametwin.printing.job.answer import AnswerOptions
 from frametwin.printing.job.job import Busy, Job
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.nozzle import Nozzle
+from frametwin.printing.sequencing.reachability import OrderSettings
 from frametwin.printing.toolpath.exports import read_waypoints
 from frametwin.printing.toolpath.waypoints import PRINT
 from frametwin.worker.client import WorkerClient
@@ -50,6 +54,29 @@ def advance(job: Job, real: LeaningPrint, folder: Path, batches: int) -> None:
     for _ in range(batches):
         batch = job.current
         job.answer(real.take(folder / f"{batch:03d}", print_batch(job, real)))
+
+
+def test_a_job_is_planned_with_one_tool_and_one_search(
+    tmp_path: Path, design: Wireframe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What its waypoints are made with is what its order was found for."""
+    fitted: list[Nozzle] = []
+    searched: list[OrderSettings] = []
+    fitting, search = Nozzle.fitting, plan_module.plan_sequence
+
+    def counted_fitting(*arguments: Any, **sizes: float) -> Nozzle:
+        fitted.append(fitting(*arguments, **sizes))
+        return fitted[-1]
+
+    def counted_search(frame: Wireframe, settings: OrderSettings, *more: Any) -> PrintSequence:
+        searched.append(settings)
+        return search(frame, settings, *more)
+
+    monkeypatch.setattr(Nozzle, "fitting", counted_fitting)
+    monkeypatch.setattr(plan_module, "plan_sequence", counted_search)
+    job = small_job(tmp_path / "job", design, nozzle={"tip_radius": 0.6})
+    assert len(fitted) == len(searched) == 1
+    assert job.settings.robot.waypoints.nozzle == searched[0].nozzle == fitted[0] and fitted[0].tip_radius == 0.6
 
 
 # --- by hand, to the end

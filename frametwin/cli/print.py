@@ -1,16 +1,17 @@
-"""``frametwin print``: plan a print, answer its batches, watch for them, and simulate the whole loop."""
+"""``frametwin print``: plan a print, check it, answer its batches, watch for them, and simulate the whole loop."""
 
 from __future__ import annotations
 
 import click
 
+from frametwin.cli.print_check import check_command
 from frametwin.cli.print_next import next_command, watch_command
 from frametwin.cli.print_plan import plan_command
 from frametwin.cli.print_simulate import simulate_command
 from frametwin.cli.print_status import status_command
 
 
-@click.group("print", short_help="Print adaptively: plan, answer batches, watch, simulate.")
+@click.group("print", short_help="Print adaptively: plan, check, answer batches, watch, simulate.")
 def command() -> None:
     """Adaptive printing: after each batch the twin moves the struts that are still to come.
 
@@ -27,9 +28,10 @@ def command() -> None:
                      print those of JOB/batches/001, take pictures, and so on
     Hands off:       frametwin print watch JOB CAPTURES
     Where are we?    frametwin print status JOB
+    Is it right?     frametwin print check JOB
     Without a robot: frametwin print simulate bridge --out JOB
     """
 
 
-for _command in (plan_command, next_command, watch_command, status_command, simulate_command):
+for _command in (plan_command, check_command, next_command, watch_command, status_command, simulate_command):
     command.add_command(_command)

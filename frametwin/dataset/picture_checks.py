@@ -11,6 +11,7 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
+from frametwin.capture.picture import Picture
 from frametwin.dataset.true_curves import TrueCurves
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe

@@ -94,7 +94,7 @@ class PlanOptions:
         check_values(WaypointSettings, self.waypoints, prefix="waypoints.")
 
     def order(self, frame: Wireframe) -> OrderSettings:
-        """Settings of the search for an order."""
+        """Settings of the search for an order, with the tool of the whole job."""
         return OrderSettings(
             nozzle=Nozzle.fitting(frame, **self.nozzle),
             max_tilt_deg=self.max_tilt_deg,
@@ -103,10 +103,10 @@ class PlanOptions:
             seed=self.seed,
         )
 
-    def job(self, frame: Wireframe) -> JobSettings:
-        """Settings of the job."""
+    def job(self, frame: Wireframe, nozzle: Nozzle) -> JobSettings:
+        """Settings of the job, which is printed with the tool for which its order was found."""
         own = {
-            "nozzle": Nozzle.fitting(frame, **self.nozzle),
+            "nozzle": nozzle,
             "max_tilt_deg": self.max_tilt_deg,
             "allow_contact": self.allow_contact,
         }
@@ -171,25 +171,46 @@ def plan_job(
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
-    settings = options.job(frame)  # refuses what is wrong before the search begins
-    sequence = plan_order(frame, options, order, progress)
+    ordering = options.order(frame)
+    settings = options.job(frame, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
+    cut = order is None or options.batch_size is not None
+    sequence = plan_order(frame, ordering, order, cut, progress)
     report(progress, Progress("writing", 0, 1))
     return Job.create(folder, frame, sequence, settings, notes, overwrite)
 
 
 def plan_order(
-    frame: Wireframe, options: PlanOptions, order: PathLike | None = None, progress: ProgressCallback | None = None
+    frame: Wireframe,
+    settings: OrderSettings,
+    order: PathLike | None,
+    cut: bool,
+    progress: ProgressCallback | None = None,
 ) -> PrintSequence:
     """The order in which a frame is printed: a given one, the frame's own batches, or one that is searched for.
 
-    The frame's own batches, which may be long layers, are cut into even parts of at most ``batch_size`` struts, or the
-    usual size; those of a file only where ``batch_size`` says so.
+    Parameters
+    ----------
+    frame
+        The design.
+    settings
+        Of the search.
+    order
+        A file with an order to keep.
+    cut
+        Cut given batches, which may be long layers, into even parts of at most the size that ``settings`` say.
+    progress
+        See `ProgressCallback`.
+
+    Raises
+    ------
+    InputError
+        See `plan_sequence` and `read_given_order`.
     """
     given: GivenOrder | None = order_of_frame(frame) if order is None else read_given_order(order, frame)
-    sequence = plan_sequence(frame, options.order(frame), given, progress)
-    if given is None or given.batch is None or (order is not None and options.batch_size is None):
+    sequence = plan_sequence(frame, settings, given, progress)
+    if given is None or given.batch is None or not cut:
         return sequence
-    return cut_batches(sequence, options.order(frame).batch_size_for(frame))
+    return cut_batches(sequence, settings.batch_size_for(frame))
 
 
 def cut_batches(sequence: PrintSequence, most: int) -> PrintSequence:

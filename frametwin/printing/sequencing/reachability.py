@@ -37,7 +37,7 @@ class OrderSettings:
         Struts from one look of the cameras to the next, about; ``None`` for a twentieth of all, from 4 to 12.
     allow_contact
         Where the tool cannot reach a strut without touching others, or a given order begins struts in the air, plan
-        the fewest contacts instead of refusing; `frametwin.printing.sequencing.check.check_sequence` lists them.
+        the fewest contacts instead of refusing; ``frametwin print check`` lists them.
     attempts
         Searches in all, where the first finds no order: the others shuffle the heights.
     seed

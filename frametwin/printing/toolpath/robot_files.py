@@ -94,6 +94,12 @@ class RobotSettings:
             return cls(workspace, waypoints, tuple(data["formats"]), tool)
 
 
+def waypoint_file(batch: int, format: str) -> str:
+    """The name of a batch's file in one of the formats with waypoints."""
+    kind = "_compas" if format == "compas" else ""
+    return f"batch_{batch:03d}{kind}{SUFFIXES[format]}"
+
+
 def write_robot_files(
     folder: Path,
     plan: Wireframe,
@@ -145,8 +151,7 @@ def write_robot_files(
             path = folder / f"batch_{batch:03d}_assembly.json"
             write_assembly(path, plan, sequence)
         else:
-            kind = "_compas" if name == "compas" else ""
-            path = folder / f"batch_{batch:03d}{kind}{SUFFIXES[name]}"
+            path = folder / waypoint_file(batch, name)
             write_waypoints(path, waypoints, name, settings.workspace)
         names.append(path.name)
     summary = {
