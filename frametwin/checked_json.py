@@ -130,8 +130,13 @@ def _converted(value: Any, hint: Any, source: str, field: str) -> Any:
         return kind(_items(value, hint, source, field))
     if dataclasses.is_dataclass(kind) and isinstance(value, dict):
         assert isinstance(kind, type)
+        given = convert_fields(kind, value, source)
+        for item in dataclasses.fields(kind):
+            needed = item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
+            if needed and item.name not in given:
+                raise InputError.at(source, f"{field}.{item.name}", "is missing", "add it")
         with told_of(source, field):
-            return kind(**convert_fields(kind, value, source))
+            return kind(**given)
     if kind is float and is_number(value):
         return float(value)
     if kind is Path and isinstance(value, str) and value and "\0" not in value:

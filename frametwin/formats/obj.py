@@ -156,7 +156,8 @@ def write(path: PathLike, frame: Wireframe) -> None:
     InputError
         If the file cannot be written.
     """
-    lines = [f"# {frame.name}: {frame.strut_count} struts, mm, z up", f"o {'_'.join(frame.name.split())}"]
+    words = frame.name.replace("\\", " ").split()  # of one line: readers take a last backslash for a line that goes on
+    lines = [f"# {' '.join(words)}: {frame.strut_count} struts, mm, z up", f"o {'_'.join(words) or 'frame'}"]
     lines += [_vertex_line(point) for point in frame.vertices]
     count = frame.vertex_count
     u = np.linspace(0.0, 1.0, CURVE_SEGMENTS + 1)[1:-1]

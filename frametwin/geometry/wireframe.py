@@ -127,7 +127,7 @@ class Wireframe:
             curves = snapped_curves(control_points, points, struts, source)
         if radius is None:
             radius = RADIUS_SHARE * float(np.median(bezier.arc_length(curves)))
-        if np.ndim(radius) == 0:
+        if not isinstance(radius, list | tuple) and np.ndim(radius) == 0:  # a ragged list has no dimension
             radius = np.full(count, checked_array(radius, "f", (), source, "radius"))
         return cls(
             vertices=points,
