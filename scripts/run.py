@@ -100,7 +100,7 @@ def suits(version: tuple[int, ...]) -> bool:
 
 def find_python() -> str:
     """This interpreter if its version suits, otherwise the newest one on the PATH that does."""
-    if suits(sys.version_info):
+    if suits(tuple(sys.version_info[:2])):
         return sys.executable
     for minor in range(NEWEST[1], OLDEST[1] - 1, -1):
         found = shutil.which(f"python3.{minor}")

@@ -94,9 +94,11 @@ def test_reading_files_and_naming_functions_loads_nothing_heavy() -> None:
 def test_the_version_is_written_in_one_place() -> None:
     version = re.compile(rf"(?<![\d.]){re.escape(frametwin.__version__)}(?![\d.])")
     history = {"CHANGELOG.md", "constraints.txt", "LICENSE"}  # what was, and what others are at
-    files = [path for path in ROOT.iterdir() if path.is_file() and path.name not in history]
+    text = {".cff", ".html", ".md", ".py", ".toml", ".txt", ".yaml", ".yml"}
+    files = [path for path in ROOT.iterdir() if path.name not in history]
     for folder in ("frametwin", "addon", "scripts", "docs", "datasets", ".github"):
-        files += [path for path in (ROOT / folder).rglob("*") if path.is_file() and path.suffix not in (".png", ".pyc")]
+        files += (ROOT / folder).rglob("*")
+    files = [path for path in files if path.suffix in text]
     places = [path for path in files if version.search(path.read_text(encoding="utf-8"))]
     assert places == [ROOT / "frametwin" / "__init__.py"]
 
