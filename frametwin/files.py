@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import glob
+import hashlib
 import json
 import os
 import re
@@ -150,24 +151,57 @@ def _finite_float(text: str) -> float:
     return value
 
 
+def read_bytes(path: PathLike, field: str = "file", remedy: str = "give a file that can be opened") -> bytes:
+    """Read a file.
+
+    Raises
+    ------
+    InputError
+        If it is missing, a folder, or not readable.
+    """
+    try:
+        return Path(path).read_bytes()
+    except FileNotFoundError as error:
+        raise InputError.at(path, field, "the file does not exist", "check the name, or put the file there") from error
+    except OSError as error:
+        raise InputError.at(path, field, f"cannot be read ({error.strerror})", remedy) from error
+
+
+def file_hash(path: PathLike, remedy: str = "put the file back") -> str:
+    """SHA-256 of a file, hexadecimal.
+
+    Raises
+    ------
+    InputError
+        As `read_bytes`.
+    """
+    return hashlib.sha256(read_bytes(path, remedy=remedy)).hexdigest()
+
+
+def decode_text(data: bytes, path: PathLike, field: str = "file") -> str:
+    """The UTF-8 text that the file ``path`` holds, every line ending in a line feed; a byte order mark is skipped.
+
+    Raises
+    ------
+    InputError
+        If it is not text.
+    """
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError.at(path, field, "is not a text file", "give a file written as UTF-8 text") from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
 def read_text(path: PathLike, field: str = "file") -> str:
-    """Read a UTF-8 text file (a byte order mark is skipped).
+    """Read a text file; see `read_bytes` and `decode_text`.
 
     Raises
     ------
     InputError
         If the file is missing, a folder, not readable, or not text.
     """
-    try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError.at(path, field, "the file does not exist", "check the name, or put the file there") from error
-    except UnicodeDecodeError as error:
-        raise InputError.at(path, field, "is not a text file", "give a file written as UTF-8 text") from error
-    except OSError as error:
-        raise InputError.at(
-            path, field, f"cannot be read ({error.strerror})", "give a file that can be opened"
-        ) from error
+    return decode_text(read_bytes(path, field), path, field)
 
 
 def parse_json(text: str, path: PathLike) -> dict[str, Any]:
@@ -207,14 +241,19 @@ def read_json(path: PathLike) -> dict[str, Any]:
     return parse_json(read_text(path), path)
 
 
-def check_format(data: dict[str, Any], path: PathLike, name: str, version: int = 1) -> None:
+def check_format(data: dict[str, Any], path: PathLike, name: str, version: int = 1, oldest: int | None = None) -> int:
     """Check the keys ``format`` and ``version`` that every file of FrameTwin carries.
+
+    Returns
+    -------
+    The file's version: from ``oldest`` (by default the only one) to ``version``.
 
     Raises
     ------
     InputError
-        If either is missing, or not the one given.
+        If either is missing, or not one of those.
     """
+    oldest = version if oldest is None else oldest
     if "format" not in data:
         raise InputError.at(path, "format", "is missing", f'add "format": "{name}"')
     if data["format"] != name:
@@ -224,13 +263,15 @@ def check_format(data: dict[str, Any], path: PathLike, name: str, version: int =
     if "version" not in data:
         raise InputError.at(path, "version", "is missing", f'add "version": {version}')
     found = data["version"]
-    if found != version or isinstance(found, bool | float):
+    if type(found) is not int or not oldest <= found <= version:
+        known = f"only {version} is" if oldest == version else f"only {oldest} to {version} are"
         raise InputError.at(
             path,
             "version",
-            f"{found!r} is not known, only {version} is",
+            f"{found!r} is not known, {known}",
             f"update FrameTwin, or write the file as version {version}",
         )
+    return found
 
 
 def missing_parents(path: Path) -> list[Path]:
@@ -280,7 +321,7 @@ def _naming(path: PathLike, staged: Path) -> Iterator[None]:
     try:
         yield
     except FrameTwinError as error:
-        error.args = tuple(arg.replace(hidden, shown) if isinstance(arg, str) else arg for arg in error.args)
+        error.rename(hidden, shown)
         raise
     except OSError as error:
         inside = next((str(name) for name in (error.filename, error.filename2) if hidden in str(name)), None)

@@ -1,18 +1,43 @@
-"""Struts in sentences."""
+"""Lists in sentences and in tables."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 
+def enumerated(items: Iterable[object]) -> str:
+    """Items as in a sentence: "a", "a and b", "a, b and c"; "none" for none."""
+    words = [str(item) for item in items]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words) or "none"
+
+
+def shortened(items: Iterable[object], most: int = 20, rest: str = "more", gap: str = ", ") -> str:
+    """Items as in a table: "a, b, c", and "a, b and 5 more" where there are more than ``most``; "none" for none.
+
+    Parameters
+    ----------
+    items
+        What is listed.
+    most
+        How many of them are shown, 1 or more.
+    rest
+        What to call those that are not shown.
+    gap
+        What stands between two of them; where it is no comma, it stands before the last words as well.
+    """
+    words = [str(item) for item in items]
+    shown = gap.join(words[:most]) or "none"
+    if len(words) <= most:
+        return shown
+    return f"{shown}{' ' if gap == ', ' else gap}and {len(words) - most} {rest}"
+
+
 def listed(struts: Iterable[int], most: int = 8) -> str:
     """Struts by number: "strut 3", "struts 3 and 4", "struts 3, 4 and 20 others"."""
-    words = [str(int(strut)) for strut in struts]
-    if len(words) > most:
-        return f"struts {', '.join(words[:most])} and {len(words) - most} others"
-    if len(words) == 1:
-        return f"strut {words[0]}"
-    return f"struts {', '.join(words[:-1])} and {words[-1]}"
+    numbers = [int(strut) for strut in struts]
+    if len(numbers) > most:
+        return f"struts {shortened(numbers, most, 'others')}"
+    return f"{'strut' if len(numbers) == 1 else 'struts'} {enumerated(numbers)}"
 
 
 def having(struts: Iterable[int], most: int = 8) -> str:

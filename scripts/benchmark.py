@@ -22,8 +22,13 @@ import tempfile
 from itertools import product
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from frametwin.cameras import Camera
+    from frametwin.simulation.simulate import Simulation
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared" / "frames"
@@ -99,14 +104,14 @@ def measure(path: Path, preset: str, seed: int, views: int, pictures: str = "lib
     }
 
 
-def _masks(capture) -> list[np.ndarray]:
+def _masks(capture: Simulation) -> list[np.ndarray]:
     return [image.astype(np.float32) / np.float32(255) for image in capture.images]
 
 
-def _masks_by_blender(capture, style: str) -> list[np.ndarray]:
+def _masks_by_blender(capture: Simulation, style: str) -> list[np.ndarray]:
     """Masks as Blender renders them, or found in photos that it renders."""
     from frametwin.blender.rendering.client import render_in_child
-    from frametwin.capture.png import decode_png
+    from frametwin.capture.image_files import decode_png
     from frametwin.capture.scene import Scene
     from frametwin.imaging.masks import binarise_photo
 
@@ -115,7 +120,7 @@ def _masks_by_blender(capture, style: str) -> list[np.ndarray]:
         folder = Path(name)
         render_in_child(scene, folder)
 
-        def picture(kind: str, camera) -> np.ndarray:
+        def picture(kind: str, camera: Camera) -> np.ndarray:
             return decode_png((folder / kind / f"{camera.name}.png").read_bytes())
 
         if style == "mask":

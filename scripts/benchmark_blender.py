@@ -16,7 +16,7 @@ from pathlib import Path
 
 import bpy
 
-from frametwin.blender.background.runner import Job, Runner
+from frametwin.blender.background.runner import Job, Runner, Steps
 from frametwin.blender.display.preview import remove_preview, show_preview
 from frametwin.blender.display.twins import TwinContent, import_twin, remove_twin, show_twin_steps
 from frametwin.blender.frames.plan_objects import make_active
@@ -49,7 +49,7 @@ def job(capture: Path, run: Path) -> Job:
     """The fit as the add-on asks for it."""
     scene = bpy.context.scene
 
-    def finish(content: TwinContent):
+    def finish(content: TwinContent) -> Steps:
         shown = yield from show_twin_steps(content, scene=scene)
         make_active(shown.twin)
         return "done"

@@ -16,7 +16,9 @@ import argparse
 import json
 import tempfile
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from benchmark import RADIUS_SHARE, frame_files
@@ -30,7 +32,7 @@ from frametwin.printing.simulation.simulate import SimulationOptions, simulate_p
 from frametwin.printing.simulation.simulated_pictures import Rig
 
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
-WAYS = {
+WAYS: dict[str, dict[str, Any]] = {
     "plain": {"adapt": False},
     "paper": {"anticipate": False, "reprint": True},
     "adapted": {"reprint": True},
@@ -94,11 +96,11 @@ def rows(results: list[dict]) -> list[str]:
     return lines
 
 
-def _count(results: list[dict], holds) -> str:
+def _count(results: list[dict], holds: Callable[[dict], bool]) -> str:
     return f"{sum(bool(holds(one)) for one in results)} of {len(results)}"
 
 
-def _mean(results: list[dict], value, digits: int) -> str:
+def _mean(results: list[dict], value: Callable[[dict], float], digits: int) -> str:
     """The mean over the prints that were finished."""
     values = [value(one) for one in results if one["completed"]]
     return f"{np.mean(values):.{digits}f}" if values else "none"

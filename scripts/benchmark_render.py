@@ -13,8 +13,13 @@ import argparse
 import sys
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from frametwin.blender.rendering.render_job import RenderReport
+    from frametwin.capture.scene import Scene
 
 ROOT = Path(__file__).resolve().parent.parent
 FEMUR = ROOT.parent / "shared" / "frames" / "rl3dp" / "NodeFemur_wireframe.txt"
@@ -43,12 +48,16 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
     frame = read_frame(path)
     radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
     frame = frame.replace(radius=np.full(frame.strut_count, radius), printed=np.ones(frame.strut_count, dtype=bool))
-    kinds = [("mask, Workbench", views, {"engine": "workbench"})] if engines.workbench_works() else []
+    kinds: list[tuple[str, int, dict[str, Any]]] = (
+        [("mask, Workbench", views, {"engine": "workbench"})] if engines.workbench_works() else []
+    )
     kinds += [
         ("mask, Cycles", views, {"engine": "cycles"}),
         ("mask and passes", views, {"passes": True}),
         ("photo and background", photo_views, {"style": "photo"}),
     ]
+    if engines.workbench_works():
+        kinds.insert(0, ("mask, Workbench", views, {"engine": "workbench"}))
     lines = [
         f"{path.stem}, {frame.strut_count} struts, {SIZE[0]}x{SIZE[1]}",
         "",
@@ -65,7 +74,7 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
     return lines
 
 
-def measure(scene):
+def measure(scene: Scene) -> RenderReport:
     """Render into a folder that is thrown away; the report."""
     from frametwin.blender.rendering.render import render_scene
 

@@ -8,13 +8,13 @@ Run it with a Python that has the bpy wheel, and hatchling (without hatchling, p
 from __future__ import annotations
 
 import argparse
+import ast
 import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -36,25 +36,32 @@ def build(out: Path) -> Path:
     Raises
     ------
     BuildError
-        If the versions differ, a tool is missing or one of them fails.
+        If a tool is missing or one of them fails.
     """
-    tool = extension_tool()
-    manifest = tomllib.loads(MANIFEST.read_text(encoding="utf-8"))
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-    if manifest["version"] != version:
-        raise BuildError(f"{MANIFEST.name} has version {manifest['version']}, pyproject.toml has {version}")
+    tool, version = extension_tool(), project_version()
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=".build-") as scratch:
         stage, made = Path(scratch, "stage"), Path(scratch, f"frametwin-{version}.zip")
         shutil.copytree(ADDON, stage, ignore=shutil.ignore_patterns("__pycache__"))
-        for extra in (MANIFEST, ROOT / "constraints.txt", ROOT / "LICENSE"):
-            shutil.copy(extra, stage)
+        for extra in ("constraints.txt", "LICENSE"):
+            shutil.copy(ROOT / extra, stage)
+        manifest = MANIFEST.read_text(encoding="utf-8").replace("{version}", version)
+        (stage / MANIFEST.name).write_text(manifest, encoding="utf-8")
         isolation = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
         run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", *isolation, "-w", stage / "wheels", ROOT)
         run(sys.executable, tool, "build", "--source-dir", stage, "--output-filepath", made)
         run(sys.executable, tool, "validate", made)
         os.replace(made, out / made.name)
         return out / made.name
+
+
+def project_version() -> str:
+    """The version, from the only place where it is written; read and not imported, so that no other one is taken."""
+    tree = ast.parse((ROOT / "frametwin" / "__init__.py").read_text(encoding="utf-8"))
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__version__":
+            return str(ast.literal_eval(node.value))
+    raise BuildError("frametwin/__init__.py has no __version__")
 
 
 def extension_tool() -> Path:

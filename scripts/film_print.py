@@ -13,33 +13,14 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project that this script belongs to
-    sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # Blender's Python knows nothing of this project
 
-from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
-from frametwin.printing.records.history import read_history  # noqa: E402
-from frametwin.progress import ProgressLines  # noqa: E402
-
-
-def main(arguments: Sequence[str]) -> int:
-    """0 if all went well, 2 for input that cannot be used, 1 for other failures, 130 if interrupted."""
-    options = parser().parse_args(arguments)
-    try:
-        film(options)
-    except InputError as error:
-        say(str(error))
-        return 2
-    except (Cancelled, KeyboardInterrupt):
-        say("Interrupted.")
-        return 130
-    except FrameTwinError as error:
-        say(str(error))
-        return 1
-    return 0
+from frametwin.errors import InputError
+from frametwin.printing.records.history import read_history
+from frametwin.progress import ProgressLines
+from scripts.command import arguments, exit_code, leave, say
 
 
 def parser() -> argparse.ArgumentParser:
@@ -52,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
     return result
 
 
-def film(options: argparse.Namespace) -> None:
+def film(options: argparse.Namespace) -> int:
     """Read the jobs, stage and render them."""
     import bpy
 
@@ -70,15 +51,8 @@ def film(options: argparse.Namespace) -> None:
         bpy.ops.wm.save_as_mainfile(filepath=str(options.blend.absolute()), compress=True)
     written = render_film(bpy.context.scene, options.out, ProgressLines(say))
     say(f"{written[0]} and {len(written) - 1} pictures")
-
-
-def say(sentence: str) -> None:
-    """A line on standard error."""
-    print(sentence, file=sys.stderr, flush=True)
+    return 0
 
 
 if __name__ == "__main__":
-    code = main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
-    sys.stdout.flush()
-    sys.stderr.flush()
-    sys.exit(code)
+    leave(exit_code(lambda: film(parser().parse_args(arguments()))))

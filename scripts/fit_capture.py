@@ -13,40 +13,26 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
-ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project that this script belongs to
-    sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # Blender's Python knows nothing of this project
 
-from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
-from frametwin.files import staged_directory  # noqa: E402
-from frametwin.formats import frame_json, read_frame  # noqa: E402
-from frametwin.geometry.parametric import FRAMES, named_frame  # noqa: E402
-from frametwin.geometry.wireframe import Wireframe  # noqa: E402
-from frametwin.progress import ProgressLines  # noqa: E402
-from frametwin.worker.client import WorkerClient, find_python  # noqa: E402
+from frametwin.errors import InputError
+from frametwin.files import staged_directory
+from frametwin.formats import find_frame, frame_json
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.progress import ProgressLines
+from frametwin.worker.client import WorkerClient, find_python
+from scripts.command import arguments, exit_code, leave, say
 
 
-def main(arguments: Sequence[str]) -> int:
-    """0 if all went well, 2 for input that cannot be used, 1 for other failures, 130 if interrupted."""
-    options = parser().parse_args(arguments)
+def run(options: argparse.Namespace) -> int:
+    """Do all of it, or nothing."""
     began = perf_counter()
-    try:
-        with staged_directory(options.out, options.overwrite) as stage:
-            work(options, stage)
-    except InputError as error:
-        say(str(error))
-        return 2
-    except (Cancelled, KeyboardInterrupt):
-        say("Interrupted.")
-        return 130
-    except FrameTwinError as error:
-        say(str(error))
-        return 1
+    with staged_directory(options.out, options.overwrite) as stage:
+        work(options, stage)
     say(f"{options.out}: twin.blend, twin.png and run, in {perf_counter() - began:.1f} s")
     return 0
 
@@ -77,15 +63,10 @@ def work(options: argparse.Namespace, stage: Path) -> None:
         capture = Path(options.source)
         if not (capture / "transforms.json").is_file():
             capture = stage / "capture"
-            make_capture(options, plan_of(options.source), capture, worker)
+            make_capture(options, find_frame(options.source), capture, worker)
         request = {"capture": capture, "out": stage / "run", "preset": options.preset, "seed": options.seed}
         worker.call("fit", request, ProgressLines(say))
     show(capture, stage, options.out.absolute())
-
-
-def plan_of(source: str) -> Wireframe:
-    """A frame by the name of one of the project's own, or from a file."""
-    return named_frame(source) if source in FRAMES and not Path(source).exists() else read_frame(source)
 
 
 def make_capture(options: argparse.Namespace, plan: Wireframe, folder: Path, worker: WorkerClient) -> None:
@@ -139,13 +120,5 @@ def show(capture: Path, stage: Path, out: Path) -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(stage / "twin.blend"), compress=True)
 
 
-def say(sentence: str) -> None:
-    """A line on standard error."""
-    print(sentence, file=sys.stderr, flush=True)
-
-
 if __name__ == "__main__":
-    code = main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
-    sys.stdout.flush()
-    sys.stderr.flush()
-    sys.exit(code)
+    leave(exit_code(lambda: run(parser().parse_args(arguments()))))

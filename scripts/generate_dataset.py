@@ -21,31 +21,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
-ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:  # Blender's Python knows nothing of the project that this script belongs to
-    sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # Blender's Python knows nothing of this project
 
-from frametwin.errors import Cancelled, FrameTwinError, InputError  # noqa: E402
-from frametwin.progress import ProgressLines  # noqa: E402
-from frametwin.worker.client import WorkerClient, find_python  # noqa: E402
+from frametwin.errors import Cancelled, FrameTwinError, InputError
+from frametwin.progress import ProgressLines
+from frametwin.worker.client import WorkerClient, find_python
+from scripts.command import arguments, exit_code, leave, say
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Make the samples that are missing; 0 if all are there, 1 if some failed, 2 for input that cannot be used."""
-    options = parser().parse_args(arguments)
-    try:
-        if options.samples is not None:
-            return make_samples(options)
-        return make_all(options)
-    except InputError as error:
-        say(str(error))
-        return 2
-    except (Cancelled, KeyboardInterrupt):
-        say("Interrupted.")
-        return 130
-    except FrameTwinError as error:
-        say(str(error))
-        return 1
+def make(options: argparse.Namespace) -> int:
+    """Make the samples that are missing; 0 if all are there, 1 if some failed."""
+    return make_all(options) if options.samples is None else make_samples(options)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -214,17 +200,8 @@ def worker_of(options: argparse.Namespace) -> WorkerClient:
     return WorkerClient(find_python(options.python))
 
 
-def say(sentence: str) -> None:
-    """A line on standard error."""
-    print(sentence, file=sys.stderr, flush=True)
-
-
 if __name__ == "__main__":
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), end_in_order)
-    given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
-    code = main(given)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    sys.exit(code)
+    leave(exit_code(lambda: make(parser().parse_args(arguments()))))

@@ -23,13 +23,17 @@ BLENDER_PYTHONS = {(3, 11): "Blender 4.5 LTS", (3, 13): "Blender 5.2 LTS"}
 """Which Blender there is as a module for which Python; each of its releases belongs to one."""
 STAMP = "frametwin-setup.json"
 OTHER_TESTS = ("tests/blender",)
+QUIET = {"NO_MKDOCS_2_WARNING": "1"}
+"""For the tools that tasks run: no news of the theme's successor between the lines of a test."""
 CPU_INDEX = "https://download.pytorch.org/whl/cpu"
 BLENDER_PACKAGES = ("libxrender1", "libxfixes3", "libxi6", "libxkbcommon0", "libsm6", "libgl1", "libegl1")
 
 TASKS = {
     "demo": "run a frame of the project through simulation, pictures, fit and evaluation, into out/first",
-    "test": "lint, then all tests, those of Blender's part once more with its other generation",
+    "test": "lint, types, documentation, then all tests, those of Blender's part once more with its other generation",
     "lint": "ruff check and ruff format --check",
+    "types": "mypy over library, add-on and scripts",
+    "docs": "build the documentation into out/site; every link in it is checked",
     "setup": "only make the virtual environment and install",
 }
 
@@ -44,7 +48,7 @@ def main(arguments: list[str]) -> int:
     options = parser().parse_args(own)
     try:
         venv = Path(os.environ.get("FRAMETWIN_VENV") or ROOT / ".venv").absolute()
-        python = set_up(venv, {"test", "blender"} if options.blender else {"test"}, options.torch_index)
+        python = set_up(venv, {"docs", "test", *(["blender"] if options.blender else [])}, options.torch_index)
         code = run_task(options.task, python, extra)
         if options.task == "test" and options.blender:
             code = test_other_blender(venv, python, extra, options.both_blenders) or code
@@ -67,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
         "The environment is .venv beside this project, or the folder named by FRAMETWIN_VENV.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    result.add_argument("task", choices=TASKS, metavar="task", help="demo, test, lint or setup")
+    result.add_argument("task", choices=TASKS, metavar="task", help=", ".join(TASKS))
     result.add_argument(
         "--torch-index",
         metavar="URL",
@@ -100,7 +104,7 @@ def suits(version: tuple[int, ...]) -> bool:
 
 def find_python() -> str:
     """This interpreter if its version suits, otherwise the newest one on the PATH that does."""
-    if suits(sys.version_info):
+    if suits(tuple(sys.version_info[:2])):
         return sys.executable
     for minor in range(NEWEST[1], OLDEST[1] - 1, -1):
         found = shutil.which(f"python3.{minor}")
@@ -319,10 +323,13 @@ def find_python_of(version: tuple[int, int]) -> str | None:
 def task_commands(task: str, extra: list[str]) -> list[list[str]]:
     """Modules to run one after the other, each with its arguments."""
     lint = [["ruff", "check", "."], ["ruff", "format", "--check", "."]]
+    types, docs = ["mypy"], ["mkdocs", "build", "--strict", "--quiet"]
     return {
         "demo": [["frametwin", "demo", "--out", "out/first", *extra]],
-        "test": [*lint, ["pytest", *extra]],
+        "test": [*lint, types, docs, ["pytest", *extra]],
         "lint": lint,
+        "types": [[*types, *extra]],
+        "docs": [[*docs, *extra]],
         "setup": [],
     }[task]
 
@@ -332,7 +339,7 @@ def run_task(task: str, python: Path, extra: list[str]) -> int:
     code = 0
     for command in task_commands(task, extra):
         say(" ".join(command))
-        code = call([python, "-m", *command]) or code
+        code = call([python, "-m", *command], {**os.environ, **QUIET}) or code
     return code
 
 

@@ -21,9 +21,9 @@ def done(*arguments: str | Path) -> Result:
     return result
 
 
-def refused(*arguments: str | Path) -> str:
-    """The one sentence with which a command refuses its input."""
+def refused(*arguments: str | Path, code: int = 2) -> str:
+    """The one sentence with which a command refuses its input, or ends otherwise with this exit code."""
     result = run(*arguments)
-    assert result.exit_code == 2, (result.stdout, result.stderr)
+    assert result.exit_code == code, (result.stdout, result.stderr)
     assert result.stdout == "" and result.stderr.count("\n") == 1 and "Traceback" not in result.stderr
     return result.stderr

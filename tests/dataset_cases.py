@@ -14,12 +14,20 @@ from click.testing import CliRunner, Result
 
 from frametwin.capture.capture import read_capture
 from frametwin.cli.main import Commands
+from frametwin.dataset.fits import TABLE_FILE, FitRow
 from frametwin.dataset.folder import read_dataset, read_sample, sample_folder, write_dataset_json, write_sample_json
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.simulation.curve_truth import curve_truth, write_curves
 from frametwin.simulation.simulate import SimulationSettings, simulate, write_simulation
+
+
+def rows_of(folder: Path) -> dict[int, FitRow]:
+    """What ``fit.json`` tells of every sample, by its index."""
+    samples = json.loads((folder / TABLE_FILE).read_text(encoding="utf-8"))["samples"]
+    return {sample["index"]: FitRow(**sample) for sample in samples}
+
 
 SETTINGS: tuple[dict[str, Any], ...] = ({"seed": 1, "missing": 2}, {"seed": 2, "deformation": "warp"})
 MADE_WITH = {"frametwin": "tests"}

@@ -19,8 +19,6 @@ from frametwin.raster.rods import Rods
 SIZES = ((40, 56), (33, 21), (18, 70))  # views may differ
 FAR_JOINTS = np.full((2, 3), 1e12)
 """So far away that their discs cover nothing: for struts whose ends shall stay flat."""
-FAR_JOINTS = np.full((2, 3), 1e12)
-"""So far away that their discs cover nothing: for struts whose ends shall stay flat."""
 
 
 def camera_at(
@@ -115,6 +113,12 @@ def reference_kernels(leaves: Sequence[Tensor], edges: np.ndarray, level: Level)
         )
         for camera, shape in zip(level.cameras, level.shapes, strict=True)
     ]
+
+
+def squared_loss(drawn: Rods, level: Level) -> float:
+    """Half the sum of squared residuals over all views."""
+    residual = np.float32(1.0) - rods.transmittance(drawn, level) - level.target
+    return 0.5 * float(np.dot(residual, residual))
 
 
 def weighted_sum(pictures: Sequence[Tensor], seed: int) -> Tensor:

@@ -7,6 +7,13 @@ import numpy as np
 from frametwin.geometry.wireframe import Wireframe
 
 
+def interface_vertices(frame: Wireframe) -> np.ndarray:
+    """(V,) bool: printed and unprinted struts meet there."""
+    degree = np.bincount(frame.edges.ravel(), minlength=frame.vertex_count)
+    printed = np.bincount(frame.edges[frame.printed].ravel(), minlength=frame.vertex_count)
+    return (printed > 0) & (printed < degree)
+
+
 def tower(levels: int = 2, curved: bool = False) -> Wireframe:
     """A square tower with one diagonal on each side, 20 mm wide, levels of 20 mm."""
     corners = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])

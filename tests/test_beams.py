@@ -12,15 +12,12 @@ from frametwin.errors import InputError
 from frametwin.formats import read_frame
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.modes import joint_masses, vibration_modes
 from frametwin.mechanics.pynite_engine import solve_with_pynite
 from frametwin.mechanics.stiffness import (
     PLA,
     FrameBeams,
     Material,
-    gravity_loads,
     require_grounded,
-    stiffness_matrix,
 )
 
 LENGTH, RADIUS = 80.0, 1.3
@@ -133,7 +130,7 @@ def test_curved_strut_converges_to_the_curved_beam() -> None:
 
 def test_stiffness_knows_rigid_motions(curved_frame: Wireframe) -> None:
     frame = curved_frame
-    matrix = stiffness_matrix(frame)
+    matrix = FrameBeams.build(frame).stiffness()
     assert abs(matrix - matrix.T).max() <= 1e-9 * abs(matrix).max()
     values = np.linalg.eigvalsh(matrix.toarray())
     assert np.all(values[:6] < 1e-8 * values[-1])
@@ -203,28 +200,12 @@ def test_pynite_that_would_weld_is_not_believed() -> None:
     assert solve_with_pynite(FrameBeams.build(frame)) is None
 
 
-def test_loads_and_masses_add_up(curved_frame: Wireframe) -> None:
+def test_loads_add_up(curved_frame: Wireframe) -> None:
     frame = curved_frame
     weight = np.sum(PLA.weight * np.pi * frame.radius**2 * frame.lengths)
-    loads = gravity_loads(frame, pieces=64)  # the chords' weight comes near the curve's
+    loads = FrameBeams.build(frame, pieces=64).loads()  # the chords' weight comes near the curve's
     assert -loads[:, 2].sum() == pytest.approx(weight, rel=1e-3)
     np.testing.assert_allclose(loads[:, :2].sum(axis=0), 0.0, atol=1e-9 * weight)
-    masses = joint_masses(frame)
-    np.testing.assert_allclose(masses[:, :3].sum(axis=0), 1e-3 * weight / 9.80665, rtol=1e-9)
-    assert np.all(masses > 0.0)
-
-
-def test_cantilever_vibrates_at_its_frequency() -> None:
-    count = 24
-    points = [[LENGTH * i / count, 0.0, 0.0] for i in range(count + 1)]
-    frame = frame_of(points, [[i, i + 1] for i in range(count)], [0])
-    frequencies, shapes = vibration_modes(frame, 4)
-    line_mass = PLA.mass * AREA
-    expected = np.array([1.8751, 1.8751, 4.6941, 4.6941]) ** 2 / (2.0 * np.pi * LENGTH**2)
-    np.testing.assert_allclose(frequencies, expected * np.sqrt(BENDING / line_mass), rtol=5e-3)
-    gram = np.einsum("avk,vk,bvk->ab", shapes, joint_masses(frame), shapes)
-    np.testing.assert_allclose(gram, np.eye(4), atol=1e-8)
-    assert np.all(shapes[:, 0] == 0.0)
 
 
 def test_unprinted_struts_do_not_carry(straight_frame: Wireframe) -> None:
@@ -249,7 +230,7 @@ def test_what_hangs_in_the_air_is_refused() -> None:
 @pytest.mark.parametrize("scale", [np.ones(3), np.zeros(1), np.array([np.nan])])
 def test_bad_stiffness_is_refused(scale: np.ndarray) -> None:
     with pytest.raises(InputError, match="stiffness_scale"):
-        stiffness_matrix(cantilever([1.0, 0.0, 0.0]), scale)
+        FrameBeams.build(cantilever([1.0, 0.0, 0.0]), scale)
 
 
 @pytest.mark.parametrize("fields", [{"young": 0.0}, {"density": np.nan}, {"poisson": 0.5}])

@@ -145,28 +145,6 @@ def test_straight_of_any_degree_has_constant_speed() -> None:
         np.testing.assert_allclose(speed, np.broadcast_to(b - a, (5, 3)), rtol=1e-12)
 
 
-def test_from_polyline_fits_an_arc_no_worse_than_the_classic_cubic() -> None:
-    radius, angle = 40.0, np.linspace(0.0, np.pi / 2.0, 200)
-    arc = radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
-    handle = radius * 4.0 / 3.0 * np.tan(np.pi / 8.0)
-    classic = np.array([[radius, 0, 0], [radius, handle, 0], [handle, radius, 0], [0, radius, 0]])
-    fitted = bezier.from_polyline(arc)
-    u = np.linspace(0.0, 1.0, 200)
-    found, reference = (np.linalg.norm(bezier.evaluate(c, u) - arc, axis=1) for c in (fitted, classic))
-    np.testing.assert_array_equal(fitted[[0, -1]], arc[[0, -1]])
-    assert np.sqrt(np.mean(found**2)) <= np.sqrt(np.mean(reference**2))
-    assert found.max() < 0.005 * radius
-
-
-def test_from_polyline_with_few_or_repeated_points() -> None:
-    a, b = np.array([0.0, 0.0, 0.0]), np.array([9.0, 3.0, 0.0])
-    np.testing.assert_allclose(bezier.from_polyline([a, b]), bezier.straight(a, b), atol=1e-14)
-    np.testing.assert_allclose(bezier.from_polyline([a, a, b, b]), bezier.straight(a, b), atol=1e-14)
-    corner = np.array([[0.0, 0.0, 0.0], [5.0, 5.0, 0.0], [10.0, 0.0, 0.0]])
-    middle = bezier.evaluate(bezier.from_polyline(corner), 0.5)
-    np.testing.assert_allclose(middle[0], corner[1], atol=1e-12)
-
-
 @pytest.mark.parametrize(
     "call",
     [
@@ -177,8 +155,6 @@ def test_from_polyline_with_few_or_repeated_points() -> None:
         lambda: bezier.refit_matrix(2, 3),
         lambda: bezier.refit_matrix(5, 0),
         lambda: bezier.straight(np.zeros(3), np.ones(3), 0),
-        lambda: bezier.from_polyline([[0.0, 0.0, 0.0]]),
-        lambda: bezier.from_polyline([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]),
     ],
 )
 def test_wrong_arguments_are_refused(call) -> None:

@@ -61,14 +61,14 @@ def test_round_trip(tmp_path: Path, curved_frame: Wireframe) -> None:
     assert np.array_equal(capture.frame.control_points, curved_frame.control_points)
     assert capture.truth is not None and np.array_equal(capture.truth.vertices, truth.vertices)
     for view, camera, image, before in zip(capture.views, cameras, images, backgrounds, strict=True):
-        assert view.image.name == f"{camera.name}.png" and view.camera.name == camera.name
+        assert view.image.path.name == f"{camera.name}.png" and view.camera.name == camera.name
         for name in ("width", "height", "fl_x", "fl_y", "cx", "cy"):
             assert getattr(view.camera, name) == getattr(camera, name)
         assert np.array_equal(view.camera.camera_to_world, camera.camera_to_world)
         assert np.array_equal(view.camera.distortion, camera.distortion)
         assert view.background is not None
         for file, written in ((view.image, image), (view.background, before)):
-            decoded = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+            decoded = cv2.imread(str(file.path), cv2.IMREAD_UNCHANGED)
             assert np.array_equal(decoded if decoded.ndim == 2 else decoded[..., ::-1], written)
 
 

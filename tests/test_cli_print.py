@@ -16,14 +16,16 @@ from cli_tools import done, refused, run
 from print_cases import LeaningPrint, fingerprint, print_batch
 from small_frames import tower
 
+from frametwin.errors import Held
 from frametwin.files import read_json
 from frametwin.formats import frame_json
 from frametwin.printing.job.answer import ACCEPTABLE
 from frametwin.printing.job.job import Job
 from frametwin.printing.toolpath.robot_files import FORMATS
+from frametwin.worker.client import WorkerClient
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMANDS = ("plan", "next", "watch", "status", "simulate")
+COMMANDS = ("plan", "check", "next", "watch", "status", "simulate")
 
 
 @pytest.fixture
@@ -152,8 +154,14 @@ def test_a_held_job_says_how_to_go_on(frame: Path, tmp_path: Path) -> None:
     capture = real.take(tmp_path / "0", print_batch(Job(job), real))
     done("print", "next", job, "--capture", capture, "--quiet")
     before = fingerprint(job)
-    sentence = refused("print", "next", job, "--capture", capture, "--quiet")
+    sentence = refused("print", "next", job, "--capture", capture, "--quiet", code=3)
     assert "old-capture" in sentence and "or accept old-capture" in sentence and fingerprint(job) == before
+    with WorkerClient(sys.executable) as worker, pytest.raises(Held) as caught:
+        worker.call("print-next", {"job": job, "capture": capture})
+    held = caught.value
+    assert f"{held}\n" == sentence and (held.source, held.field) == (str(capture), "old-capture")
+    assert held.parts["problem"] == held.doubts[0].problem and held.doubts[0].kind == "old-capture"
+    assert fingerprint(job) == before
     accepted = ("--accept", "old-capture", "--accept", "wrong-batch", "--accept", "lost-struts")
     answered = json.loads(done("print", "next", job, "--capture", capture, "--quiet", "--json", *accepted).stdout)
     assert "old-capture" in {doubt["kind"] for doubt in answered["accepted"]}

@@ -33,7 +33,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sample = sample_folder(folder, 1)
     views = []
     for view in read_capture(sample).views:  # with a lens, which every format has to keep
-        entry = to_nerfstudio(view.camera, f"images/{view.image.name}")
+        entry = to_nerfstudio(view.camera, f"images/{view.image.path.name}")
         views.append(entry | dict(zip(("k1", "k2", "p1", "p2", "k3"), LENS, strict=True)))
     edit_json(sample / "transforms.json", lambda data: data.update(frames=views))
     return folder
@@ -66,7 +66,7 @@ def test_nerfstudio(dataset: Path, tmp_path: Path, index: int, unit: str | None,
     data = json.loads((place / "transforms.json").read_text())
     assert_same_cameras([from_nerfstudio(entry, shared=data) for entry in data["frames"]], capture, scale)
     for entry, view in zip(data["frames"], capture.views, strict=True):
-        assert (place / entry["file_path"]).read_bytes() == view.image.read_bytes()
+        assert (place / entry["file_path"]).read_bytes() == view.image.data
     cloud = trimesh.load(place / data["ply_file_path"])
     low, high = scale * capture.frame.vertices.min(axis=0), scale * capture.frame.vertices.max(axis=0)
     assert len(cloud.vertices) == 24 * 76
@@ -80,7 +80,7 @@ def test_colmap(dataset: Path, tmp_path: Path, index: int, unit: str | None, sca
     cameras = read_colmap_text(place / "sparse" / "0")
     assert_same_cameras(cameras, capture, scale)
     for camera, view in zip(cameras, capture.views, strict=True):
-        assert (place / "images" / camera.name).read_bytes() == view.image.read_bytes()
+        assert (place / "images" / camera.name).read_bytes() == view.image.data
     rows = [line.split() for line in (place / "sparse" / "0" / "points3D.txt").read_text().splitlines()[1:]]
     points = np.array([[float(value) for value in row[1:4]] for row in rows])
     assert {len(row) for row in rows} == {8} and len({row[0] for row in rows}) == len(rows)

@@ -162,7 +162,7 @@ def test_photos_that_are_not_exposed_well_are_found(dataset: Path, gain: float, 
 def test_a_camera_that_is_not_the_pictures_is_found(dataset: Path) -> None:
     folder = sample_folder(dataset, 0)
     capture = read_capture(folder)
-    entry = to_nerfstudio(capture.views[1].camera, f"images/{capture.views[1].image.name}")
+    entry = to_nerfstudio(capture.views[1].camera, f"images/{capture.views[1].image.path.name}")
     entry["cx"] += 3.0
     edit_json(folder / "transforms.json", lambda data: data["frames"].__setitem__(1, entry))
     note_again(dataset)
@@ -258,7 +258,7 @@ def test_real_radii_are_used(tmp_path: Path) -> None:
     note_again(dataset)
     assert any("is not white" in problem for problem in validate_sample(folder))
     for view, picture in zip(capture.views, pictures, strict=True):
-        assert cv2.imwrite(str(view.image), picture)
+        assert cv2.imwrite(str(view.image.path), picture)
     note_again(dataset)
     assert validate_sample(folder) == []
 

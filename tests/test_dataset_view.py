@@ -14,11 +14,11 @@ from urllib.parse import unquote
 import cv2
 import numpy as np
 import pytest
-from dataset_cases import edit_image, make_dataset, note_again, run_command
+from dataset_cases import edit_image, make_dataset, note_again, rows_of, run_command
 
 from frametwin.capture.capture import read_capture
 from frametwin.cli.dataset_view import view_command
-from frametwin.dataset.fits import fit_dataset, read_table
+from frametwin.dataset.fits import fit_dataset
 from frametwin.dataset.folder import sample_folder
 from frametwin.dataset.view import write_page
 from frametwin.errors import Cancelled, InputError
@@ -123,7 +123,7 @@ def test_names_cannot_break_out_of_the_page(made: Path) -> None:
 
 
 def test_rows_can_be_sorted_by_what_was_measured(made: Path) -> None:
-    page, table = Page(made / "index.html"), read_table(made)
+    page, table = Page(made / "index.html"), rows_of(made)
     assert [row["index"] for row in page.data["rows"]] == [0, 1, 2]
     for row in page.data["rows"]:
         measured = table[row["index"]]
@@ -236,7 +236,7 @@ def test_a_browser_shows_the_list_and_the_detail(made: Path, tmp_path: Path) -> 
     command = [browser, *flags, f"--user-data-dir={tmp_path}", "--dump-dom", (made / "index.html").as_uri() + "#1/2"]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL).stdout
     assert shown.count('<article class="sample"') == 3
-    worst = max(read_table(made).values(), key=lambda row: row.curves_max or 0.0)
+    worst = max(rows_of(made).values(), key=lambda row: row.curves_max or 0.0)
     first = re.search(r'data-index="(\d)"', shown)
     assert first is not None and int(first[1]) == worst.index  # the worst one comes first
     assert re.search(r"<dialog[^>]* open", shown) and "camera_02" in shown and f"{worst.curves_max:.3f}" in shown

@@ -7,10 +7,11 @@ import pytest
 
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.displacement import largest_displacement
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.deformations import rigid_motion, smooth_warp, tip_load
+from frametwin.mechanics.deformations import deform, random_rigid_motion, rigid_motion, smooth_warp, tip_load
 from frametwin.mechanics.hardening import Hardening
-from frametwin.mechanics.sag import SagSettings
+from frametwin.mechanics.sag import SagSettings, sag
 from frametwin.simulation.defects import drop_struts
 
 FINE = np.linspace(0.0, 1.0, 401)
@@ -151,3 +152,18 @@ def test_drawing_follows_the_seed(straight_frame: Wireframe) -> None:
     first, again, other = (drop_struts(straight_frame, 4, seed=seed) for seed in (7, 7, 8))
     np.testing.assert_array_equal(first[0], again[0])
     assert not np.array_equal(first[0], other[0])
+
+
+def test_deformations_go_by_name(straight_frame: Wireframe) -> None:
+    settings = SagSettings(peak=3.0, seed=5)
+    for kind, expected in {
+        "sag": sag(straight_frame, settings),
+        "tip-load": tip_load(straight_frame, settings, direction_deg=30.0),
+        "warp": smooth_warp(straight_frame, 3.0, 5),
+        "rigid": random_rigid_motion(straight_frame, 3.0, 5),
+    }.items():
+        found = deform(straight_frame, kind, settings, direction_deg=30.0)
+        np.testing.assert_array_equal(found.control_points, expected.control_points)
+        assert largest_displacement(found.control_points - straight_frame.control_points) == pytest.approx(3.0)
+    with pytest.raises(ValueError, match="not 'melt'"):
+        deform(straight_frame, "melt", settings)

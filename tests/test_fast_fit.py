@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_frames import interface_vertices
 
 from frametwin.cameras import Camera
 from frametwin.errors import Cancelled
@@ -138,7 +139,7 @@ def test_unprinted_struts_meet_the_printed_joints(name: str) -> None:
     np.testing.assert_array_equal(twin.control_points[away], frame.control_points[away])
     assert (twin.completeness[~frame.printed] == 0.0).all()
     # The field carries what is printed, and so what is about to be joined to it.
-    joints = frame.interface_vertices()
+    joints = interface_vertices(frame)
     field = result.field.evaluate(frame.vertices[joints])
     assert np.linalg.norm(field - (twin.vertices - frame.vertices)[joints], axis=1).mean() < 0.5
 

@@ -11,7 +11,16 @@ import numpy as np
 import pytest
 
 from frametwin.errors import InputError
-from frametwin.files import check_format, read_json, staged_directory, write_bytes, write_json, write_text
+from frametwin.files import (
+    check_format,
+    file_hash,
+    read_bytes,
+    read_json,
+    staged_directory,
+    write_bytes,
+    write_json,
+    write_text,
+)
 from frametwin.progress import Progress, report
 
 BROKEN = {
@@ -50,6 +59,15 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(InputError, match="not a text"):
         read_json(tmp_path / "binary.json")
+
+
+def test_the_hash_of_a_file_is_the_standards(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"abc")  # FIPS 180-2, appendix B.1
+    assert file_hash(tmp_path / "a") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    for path in (tmp_path, tmp_path / "missing"):
+        with pytest.raises(InputError, match="cannot be read .*; find it again") as caught:
+            read_bytes(path, remedy="find it again")
+        assert str(caught.value).startswith(f"{path}: file: ")
 
 
 def test_byte_order_mark_is_skipped(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from frametwin.errors import InputError
-from frametwin.formats import read_frame, write_frame
+from frametwin.formats import find_frame, read_frame, write_frame
 from frametwin.formats.rl3dp import read_pair
+from frametwin.geometry.parametric import arched_bridge
 from frametwin.geometry.wireframe import Wireframe
 
 FIELDS = ("vertices", "edges", "control_points", "radius", "printed", "grounded", "batch")
@@ -334,3 +335,15 @@ def test_missing_and_unknown_files(tmp_path: Path, straight_frame: Wireframe) ->
     with pytest.raises(InputError, match=r"a.stl: file: .*\.json or \.obj"):
         write_frame(tmp_path / "a.stl", straight_frame)
     assert not (tmp_path / "a.stl").exists()
+
+
+def test_frames_are_found_by_path_before_they_are_by_name(tmp_path: Path, straight_frame: Wireframe) -> None:
+    write_frame(tmp_path / "mine.json", straight_frame)
+    assert find_frame("mine.json", tmp_path).strut_count == straight_frame.strut_count
+    assert find_frame(str(tmp_path / "mine.json"), "elsewhere").strut_count == straight_frame.strut_count
+    assert np.array_equal(find_frame("bridge", tmp_path).vertices, arched_bridge().vertices)
+    (tmp_path / "bridge").mkdir()
+    write_frame(tmp_path / "bridge" / "frame.json", straight_frame)
+    assert find_frame("bridge", tmp_path).strut_count == straight_frame.strut_count
+    with pytest.raises(InputError, match="castle: file: the file does not exist"):
+        find_frame("castle", tmp_path)

@@ -13,9 +13,15 @@ from frametwin.geometry import bezier
 from frametwin.raster import gaussian, reference
 from frametwin.raster.kernels import KernelLayout, anchored_kernels
 from frametwin.raster.projection import Views, low_pass, project_anchored
-from frametwin.raster.splat import splat, splat_flat
+from frametwin.raster.splat import splat_flat
 
 SIZES = [(40, 56), (33, 21), (18, 70)]  # views may differ
+
+
+def splat(means: Tensor, conics: Tensor, opacity: Tensor, sizes: list[tuple[int, int]]) -> list[Tensor]:
+    """The pictures (H, W) of `splat_flat`."""
+    parts = splat_flat(means, conics, opacity, sizes).split([height * width for height, width in sizes])
+    return [part.view(size) for part, size in zip(parts, sizes, strict=True)]
 
 
 def random_scene(seed: int, sizes: list[tuple[int, int]], count: int = 50) -> tuple[Tensor, Tensor, Tensor]:

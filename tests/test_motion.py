@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rod_cases import squared_loss
 from small_frames import tower
 
 from frametwin.cameras.rigs import ring_rig
@@ -15,7 +16,6 @@ from frametwin.fitting.motion import GROUND, Pose, as_rods, free_step, joint_sys
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import solve_clamped
 from frametwin.mechanics.stiffness import FrameBeams
-from frametwin.raster import rods
 from frametwin.raster.pyramid import Level, Pyramid
 from frametwin.raster.rods import Terms
 from frametwin.raster.silhouette import silhouettes
@@ -232,13 +232,13 @@ def test_smooth_descent_lowers_the_loss_at_every_step_and_finds_the_sag(pull: fl
     elastic = ElasticFrame(FRAMES["straight"])
     truth = as_rods(elastic, sagging(elastic, 2.0), 1)
     level = seen(elastic.frame.replace(vertices=truth.joints, control_points=truth.control_points))
-    stage = CoarseStage(0.9, 1.0, 12, 2, pull=pull)
+    stage = CoarseStage(detail=0.9, blur=1.0, iterations=12, pieces=2, pull=pull)
     stiffness = pull * elastic.assemble(elastic.stiffness)
     motions = np.concatenate([rigid_motions(elastic.frame.vertices), load_answers(elastic, 1)], axis=1)
     pose = start_pose(elastic)
-    total = [rods.squared_loss(as_rods(elastic, pose, 2), level)]
+    total = [squared_loss(as_rods(elastic, pose, 2), level)]
     for step, loss in smooth_descent(elastic, motions, pose, level, stage, 1.0):
-        assert loss == pytest.approx(rods.squared_loss(as_rods(elastic, step, 2), level), rel=1e-6)
+        assert loss == pytest.approx(squared_loss(as_rods(elastic, step, 2), level), rel=1e-6)
         furthest = np.linalg.norm((step.joints - pose.joints)[:, :3], axis=1)
         assert np.percentile(furthest, 98) <= 1.0 + 1e-9
         assert not step.inner.any()
@@ -256,5 +256,7 @@ def test_smooth_descent_at_the_truth_goes_nowhere_far() -> None:
     elastic = ElasticFrame(FRAMES["straight"])
     level = seen(elastic.frame)
     motions = rigid_motions(elastic.frame.vertices)
-    for pose, _ in smooth_descent(elastic, motions, start_pose(elastic), level, CoarseStage(0.9, 1.0, 6, 4), 1.0):
+    for pose, _ in smooth_descent(
+        elastic, motions, start_pose(elastic), level, CoarseStage(detail=0.9, blur=1.0, iterations=6, pieces=4), 1.0
+    ):
         assert np.abs(pose.joints[:, :3]).max() < 0.05

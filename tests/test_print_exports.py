@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from ast import literal_eval
 from importlib.util import find_spec
 from pathlib import Path
@@ -230,6 +231,19 @@ def test_compas_fab_agrees_where_it_is_installed(points: Waypoints, limits: Work
         there = dataclasses.replace(limits, base=base)
         assert unreachable_by_compas_fab(points, there, 150.0).tolist() == unreachable(points, there, 150.0).tolist()
     assert check_reach(points, limits, 150.0) == "compas_fab"
+
+
+def test_a_compas_fab_that_is_broken_is_not_taken_for_none(
+    points: Waypoints, limits: Workspace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("compas", "compas_fab")]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("compas", "compas_fab"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("raise ImportError('of another Python')")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(InputError, match=r"compas_fab: cannot be imported \(of another Python\)"):
+        check_reach(points, limits, 150.0)
 
 
 def test_what_the_arm_cannot_reach_is_not_written(tmp_path: Path) -> None:

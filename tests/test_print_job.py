@@ -16,7 +16,7 @@ import pytest
 from print_cases import LEAN, LeaningPrint, cameras_of, fingerprint, print_batch, small_job, take_with
 from small_frames import tower
 
-from frametwin.errors import InputError
+from frametwin.errors import Held, InputError
 from frametwin.evaluation.evaluate import evaluate
 from frametwin.files import read_json
 from frametwin.formats import frame_json
@@ -24,9 +24,12 @@ from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job import answer as answer_module
 from frametwin.printing.job import job as job_module
+from frametwin.printing.job import plan_job as plan_module
 from frametwin.printing.job.answer import AnswerOptions
-from frametwin.printing.job.guards import Held
 from frametwin.printing.job.job import Busy, Job
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.nozzle import Nozzle
+from frametwin.printing.sequencing.reachability import OrderSettings
 from frametwin.printing.toolpath.exports import read_waypoints
 from frametwin.printing.toolpath.waypoints import PRINT
 from frametwin.worker.client import WorkerClient
@@ -51,6 +54,29 @@ def advance(job: Job, real: LeaningPrint, folder: Path, batches: int) -> None:
     for _ in range(batches):
         batch = job.current
         job.answer(real.take(folder / f"{batch:03d}", print_batch(job, real)))
+
+
+def test_a_job_is_planned_with_one_tool_and_one_search(
+    tmp_path: Path, design: Wireframe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What its waypoints are made with is what its order was found for."""
+    fitted: list[Nozzle] = []
+    searched: list[OrderSettings] = []
+    fitting, search = Nozzle.fitting, plan_module.plan_sequence
+
+    def counted_fitting(*arguments: Any, **sizes: float) -> Nozzle:
+        fitted.append(fitting(*arguments, **sizes))
+        return fitted[-1]
+
+    def counted_search(frame: Wireframe, settings: OrderSettings, *more: Any) -> PrintSequence:
+        searched.append(settings)
+        return search(frame, settings, *more)
+
+    monkeypatch.setattr(Nozzle, "fitting", counted_fitting)
+    monkeypatch.setattr(plan_module, "plan_sequence", counted_search)
+    job = small_job(tmp_path / "job", design, nozzle={"tip_radius": 0.6})
+    assert len(fitted) == len(searched) == 1
+    assert job.settings.robot.waypoints.nozzle == searched[0].nozzle == fitted[0] and fitted[0].tip_radius == 0.6
 
 
 # --- by hand, to the end
@@ -151,7 +177,7 @@ def second(job: Job, real: LeaningPrint, tmp_path: Path) -> Callable[..., str]:
 
     def refuse(capture: Path, **options: Any) -> str:
         before = fingerprint(job.folder)
-        with pytest.raises(InputError) as caught:
+        with pytest.raises((Held, InputError)) as caught:
             job.answer(capture, AnswerOptions(**options))
         assert fingerprint(job.folder) == before and job.current == 1
         sentence = str(caught.value)
@@ -431,7 +457,7 @@ def test_the_worker_plans_answers_and_tells(tmp_path: Path, design: Wireframe) -
         assert answered["batch"] == 0 and answered["next"]["batch"] == 1 and not answered["finished"]
         status = worker.call("print-status", {"job": str(folder)})
         assert [item["state"] for item in status["batches"]] == ["answered", "current", "to come"]
-        with pytest.raises(InputError, match="old-capture"):
+        with pytest.raises(Held, match="old-capture"):
             worker.call("print-next", {"job": str(folder), "capture": str(capture)})
         with pytest.raises(InputError, match="laser: is not a setting"):
             worker.call("print-plan", {**request, "settings": {"laser": 1}})

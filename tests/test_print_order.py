@@ -20,8 +20,8 @@ from frametwin.printing.sequencing.clearance import Rods, collision_bits, hit_st
 from frametwin.printing.sequencing.directions import tool_directions
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, closing_struts, plan_sequence
-from frametwin.printing.sequencing.removal import bridges
-from frametwin.printing.sequencing.stability import batch_sag, flexibility, looseness
+from frametwin.printing.sequencing.removal_kernels import bridges, flexibility
+from frametwin.printing.sequencing.stability import batch_sag, looseness
 from frametwin.progress import Progress
 
 FRAMES = Path(__file__).resolve().parents[1] / "datasets" / "frames"

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from frametwin.cameras.rigs import dome_rig, ring_rig
+from frametwin.cameras.rigs import box_around, dome_rig, ring_rig
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 
@@ -136,3 +136,10 @@ def test_settings_out_of_range_are_refused(rig, changes: dict, field: str) -> No
 def test_a_dome_needs_two_angles_in_order() -> None:
     with pytest.raises(InputError, match="elevation_deg"):
         dome_rig(BOXES["cube"], 8, elevation_deg=(60.0, 20.0))
+
+
+def test_the_box_around_frames_holds_every_strut_with_its_radius() -> None:
+    low = Wireframe.create([[0.0, 0.0, 0.0], [10.0, 0.0, 20.0]], [[0, 1]], radius=1.0)
+    high = Wireframe.create([[0.0, 5.0, 0.0], [8.0, 5.0, 25.0]], [[0, 1]], radius=2.0)
+    assert box_around(low).tolist() == [[-1.0, -1.0, -1.0], [11.0, 1.0, 21.0]]
+    assert box_around(low, high).tolist() == [[-2.0, -1.0, -2.0], [11.0, 7.0, 27.0]]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rod_cases import FAR_JOINTS, camera_at, level_of, lone_rod, random_scene, shifted, views
+from rod_cases import FAR_JOINTS, camera_at, level_of, lone_rod, random_scene, shifted, squared_loss, views
 
 from frametwin.geometry import bezier
 from frametwin.raster import rods
@@ -106,19 +106,19 @@ def test_at_the_truth_nothing_pulls() -> None:
 
 def test_squared_loss_is_the_loss_of_the_terms() -> None:
     scene, level = random_scene(1), with_target(random_scene(2), views(), 0.5)
-    assert rods.squared_loss(scene, level) == gauss_newton(scene, level).loss
+    assert squared_loss(scene, level) == gauss_newton(scene, level).loss
 
 
 def test_gauss_newton_steps_find_a_strut_again() -> None:
     truth, level = crossing()
     level = replace(level, target=np.float32(1.0) - rods.transmittance(truth, level))
     drawn = shifted(truth, np.random.default_rng(1).normal(scale=0.2, size=(1, 4, 3)))
-    start = rods.squared_loss(drawn, level)
+    start = squared_loss(drawn, level)
     for _ in range(6):
         terms = gauss_newton(drawn, level)
         step = np.linalg.lstsq(terms.hessian[0], -terms.gradient[0], rcond=1e-6)[0]
         drawn = shifted(drawn, step.reshape(1, 4, 3))
-    assert rods.squared_loss(drawn, level) < 1e-4 * start
+    assert squared_loss(drawn, level) < 1e-4 * start
 
 
 @pytest.mark.parametrize("there", [0.0, 0.35, 0.9])

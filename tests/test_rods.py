@@ -20,13 +20,13 @@ from rod_cases import (
     views,
     weighted_sum,
 )
+from rod_splat import splat_rods
 from torch import Tensor
 
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster import rod_kernels, rod_reference, rods
 from frametwin.raster.pyramid import Level
-from frametwin.raster.rod_splat import splat_rods
 from frametwin.raster.rods import Rods
 from frametwin.raster.silhouette import silhouettes
 
@@ -277,26 +277,3 @@ def test_same_bits_with_any_number_of_threads() -> None:
         numba.set_num_threads(before)
     for one, other in zip(*results, strict=True):
         assert torch.equal(one, other)
-
-
-@pytest.mark.parametrize("index", range(4))
-def test_values_that_are_not_finite_are_refused(index: int) -> None:
-    scene, level = random_scene(0), level_of(views())
-    leaves = [x.detach().clone() for x in leaves_of(scene)]
-    leaves[index][1] = float("nan")
-    with pytest.raises(FloatingPointError, match=("control points", "joints", "radius", "opacity")[index]):
-        splatted(tuple(leaves), scene, level)
-
-
-def test_shapes_that_do_not_fit_are_refused() -> None:
-    scene, level = random_scene(0), level_of(views())
-    curves, joints, radius, opacity = leaves_of(scene)
-    for wrong in (
-        (curves[1:], joints, radius, opacity),
-        (curves, joints[:, :2], radius, opacity),
-        (curves, joints, radius, opacity[:, 1:]),
-    ):
-        with pytest.raises(ValueError, match="6 struts need"):
-            splatted(wrong, scene, level)
-    with pytest.raises(ValueError, match="from 0 to 5, there are 5"):
-        splatted((curves, joints[1:], radius, opacity), scene, level)

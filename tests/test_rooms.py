@@ -40,6 +40,7 @@ ROOMS = (
     "blender.views",
     "dataset",
     "service",
+    "api",
     "addon",
     "scripts",
     "cli",
@@ -48,6 +49,16 @@ ROOMS = (
 
 SPLIT = ("printing", "blender")
 """Folders whose folders are rooms of their own."""
+
+
+FACE = "frametwin"
+"""The package itself: type checkers are told where each of its names comes from, and nothing is imported before a name
+is asked for, so these are not imports of the ground floor."""
+
+
+def is_for_type_checkers(node: ast.stmt) -> bool:
+    """Whether a statement is ``if TYPE_CHECKING: ...``."""
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 def source_files() -> dict[str, Path]:
@@ -72,7 +83,10 @@ def room_of(module: str, files: dict[str, Path]) -> str:
 def imported_modules(module: str, files: dict[str, Path]) -> Iterator[str]:
     """Modules of the project that a module imports, wherever the import stands."""
     package = module if files[module].name == "__init__.py" else module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(files[module].read_text(encoding="utf-8"))):
+    tree = ast.parse(files[module].read_text(encoding="utf-8"))
+    if module == FACE:
+        tree.body = [node for node in tree.body if not is_for_type_checkers(node)]
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

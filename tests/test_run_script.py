@@ -31,12 +31,16 @@ def test_arguments_after_two_dashes_go_to_the_task(run: ModuleType) -> None:
     assert run.split_arguments(["test", "--no-blender", "--"]) == (["test", "--no-blender"], [])
 
 
-def test_tasks_are_lint_and_tests_and_the_demo(run: ModuleType) -> None:
-    assert [command[0] for command in run.task_commands("test", ["-x"])] == ["ruff", "ruff", "pytest"]
+def test_tasks_are_checks_and_tests_and_the_demo(run: ModuleType) -> None:
+    assert [command[0] for command in run.task_commands("test", ["-x"])] == ["ruff", "ruff", "mypy", "mkdocs", "pytest"]
     assert run.task_commands("test", ["-x"])[-1] == ["pytest", "-x"]
     assert run.task_commands("demo", ["--json"]) == [["frametwin", "demo", "--out", "out/first", "--json"]]
     assert run.task_commands("lint", []) == run.task_commands("test", [])[:2]
     assert run.task_commands("setup", []) == []
+    whole = run.task_commands("test", [])
+    assert run.task_commands("types", []) + run.task_commands("docs", []) == whole[2:4]
+    assert "--strict" in whole[3]  # a link that leads nowhere is an error
+    assert all(isinstance(run.task_commands(task, []), list) for task in run.TASKS)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +125,7 @@ def test_an_interrupted_or_outdated_set_up_is_done_again_with_all_its_extras(
 
 def test_the_exit_code_of_a_failing_part_is_carried_through(run: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     for codes, wanted in (([0, 0, 0], 0), ([0, 0, 5], 5), ([1, 0, 0], 1), ([1, 0, 2], 2)):
-        left = list(codes)
+        left = [0, 0, *codes]
         monkeypatch.setattr(run, "call", lambda command, environment=None, left=left: left.pop(0))
         assert run.run_task("test", Path(sys.executable), []) == wanted
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from frametwin.cameras.rigs import RIGS
 from frametwin.capture.capture import read_capture
 from frametwin.errors import Cancelled, InputError
 from frametwin.files import read_json
@@ -19,15 +20,9 @@ from frametwin.geometry import bezier
 from frametwin.geometry.parametric import FRAMES, named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.imaging.masks import read_masks
+from frametwin.mechanics.deformations import DEFORMATIONS, random_rigid_motion
 from frametwin.simulation.print_order import print_order, print_share
-from frametwin.simulation.simulate import (
-    DEFORMATIONS,
-    RIGS,
-    SimulationSettings,
-    random_rigid_motion,
-    simulate,
-    write_simulation,
-)
+from frametwin.simulation.simulate import SimulationSettings, simulate, write_simulation
 
 SMALL = SimulationSettings(views=3, size=(96, 128))
 

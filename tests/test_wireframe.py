@@ -61,6 +61,7 @@ BAD = {
     "ragged vertices": ({"vertices": [[0, 0, 0], [30, 0], [0, 40, 0]]}, "vertices"),
     "text": ({"vertices": "vertices"}, "vertices"),
     "no vertices": ({"vertices": None}, "vertices"),
+    "empty vertices": ({"vertices": []}, "vertices"),
     "index too large": ({"edges": [[0, 1], [1, 3]]}, "edges[1]"),
     "index negative": ({"edges": [[0, 1], [-1, 2]]}, "edges[1]"),
     "index beyond 64 bits": ({"edges": [[0, 10**20]]}, "edges"),
@@ -73,6 +74,7 @@ BAD = {
     "no length": ({"vertices": [[0, 0, 0], [30, 0, 0], [0, 0, 0]]}, "edges[2]"),
     "radius zero": ({"radius": [1.0, 0.0, 1.0]}, "radius[1]"),
     "radius negative": ({"radius": -1.0}, "radius[0]"),
+    "radius ragged": ({"radius": [1.0, [1.0], 1.0]}, "radius"),
     "radius too few": ({"radius": [1.0, 1.0]}, "radius"),
     "radius a boolean": ({"radius": True}, "radius"),
     "printed numbers": ({"printed": [1, 0, 1]}, "printed"),
@@ -137,7 +139,6 @@ def test_print_state(straight_frame: Wireframe) -> None:
     assert part.printed.all() and np.array_equal(edge_ids, np.flatnonzero(lower))
     assert np.array_equal(vertex_ids, np.flatnonzero(frame.vertices[:, 2] <= 20.0))
     assert np.array_equal(frame.printed_vertices(), frame.vertices[:, 2] <= 20.0)
-    assert np.array_equal(frame.interface_vertices(), frame.vertices[:, 2] == 20.0)
     with pytest.raises(InputError, match="printed"):
         frame.replace(printed=np.zeros(frame.strut_count, dtype=bool)).printed_part()
 

@@ -89,6 +89,7 @@ def test_kinds_that_fit(value: Any, hint: Any, wanted: Any) -> None:
         ("x" * 500, int, "xxx...; give"),
         ({"depth": 3}, Size, "depth: is not a setting; use one of height, unit"),
         ({"height": "3"}, Size, "height: is '3'; give a whole number"),
+        ({"unit": "cm"}, Size, "x.height: is missing; add it"),
     ],
 )
 def test_kinds_that_do_not_fit(value: Any, hint: Any, words: str) -> None:

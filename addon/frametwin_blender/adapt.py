@@ -2,12 +2,12 @@
 
 # No postponed annotations here: Blender reads them as properties.
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
 from frametwin.blender.background.keeping import keep
-from frametwin.blender.background.runner import Job
+from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.display.adapted import find_adapted, show_adapted_steps
 from frametwin.blender.display.exports import export_curve
 from frametwin.blender.display.twins import find_twin
@@ -37,7 +37,7 @@ def adapt_job(context: bpy.types.Context) -> Job:
         remedy = "fit a capture in which struts are still to be printed (Deform > Printed)"
         raise InputError.at(frame.name, "printed", "all struts are printed, so nothing is left to adapt", remedy)
 
-    def finish(answer):
+    def finish(answer: dict[str, Any]) -> Steps:
         yield from show_adapted_steps(frame, answer, collection_now(), scene_now())
         return (
             f"{answer['moved']} of {len(answer['struts'])} struts to print are moved,"
@@ -55,10 +55,10 @@ class FRAMETWIN_OT_adapt(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, twin_of(context), "Fit a capture or import a run first") and can_compute(cls)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(adapt_job(context))
 
 
@@ -73,15 +73,15 @@ class FRAMETWIN_OT_export_adapted(SaveStep, bpy.types.Operator):
     filter_glob: bpy.props.StringProperty(default="*.json;*.obj", options={"HIDDEN"})  # type: ignore[valid-type]
     check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
 
-    def default_name(self, context):
+    def default_name(self, context: bpy.types.Context) -> str:
         return find_adapted(twin_of(context)).after.name
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         twin = twin_of(context)
         return needs(cls, twin is not None and find_adapted(twin), "Press Adapt first")
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))
         export_curve(find_adapted(twin_of(context)).after, path)
         return f"Wrote {path}"
@@ -94,7 +94,7 @@ class FRAMETWIN_PT_adapt(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_adapt"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, twin = self.layout, twin_of(context)
         if twin is None:
             write_text(layout, "Fit a partly printed frame first; then its other struts are moved.", context, "INFO")

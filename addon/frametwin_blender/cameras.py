@@ -56,10 +56,10 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, plan_of(context), "Import or add a frame first")
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         cameras, target = wanted_cameras(context)
         settings = settings_of(context)
         settings.rig = replace_rig(settings.rig, cameras, context.scene, target)
@@ -76,7 +76,7 @@ class FRAMETWIN_OT_import_cameras(FileStep, bpy.types.Operator):
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.json;*.txt", options={"HIDDEN"})  # type: ignore[valid-type]
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         cameras = read_calibration(Path(bpy.path.abspath(self.filepath)))
         settings = settings_of(context)
         settings.rig = replace_rig(settings.rig, cameras, context.scene)
@@ -85,7 +85,7 @@ class FRAMETWIN_OT_import_cameras(FileStep, bpy.types.Operator):
 
 class _RigStep(Step):
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, rig_of(context), "Make a rig or import cameras first")
 
 
@@ -98,7 +98,7 @@ class FRAMETWIN_OT_step_camera(_RigStep, bpy.types.Operator):
 
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         camera = next_camera(rig_of(context), self.step, context.scene)
         look_through_camera(context)
         return camera.name
@@ -111,7 +111,7 @@ class FRAMETWIN_OT_show_pictures(_RigStep, bpy.types.Operator):
     bl_label = "Overlay"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         settings = settings_of(context)
         capture = given_folder(settings.fit.capture, "Capture")
         wanted = settings.cameras
@@ -127,7 +127,7 @@ class FRAMETWIN_OT_hide_pictures(_RigStep, bpy.types.Operator):
     bl_label = "Hide Pictures"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         hide_pictures(rig_of(context))
 
 
@@ -138,7 +138,7 @@ class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
     bl_label = "Side by Side"
     bl_options: ClassVar = {"REGISTER"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         settings, scene = settings_of(context), context.scene
         capture = given_folder(settings.fit.capture, "Capture")
         rig = rig_of(context)
@@ -161,7 +161,7 @@ class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_cameras"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context), self.layout
         wanted, rig = settings.cameras, rig_of(context)
         layout.use_property_split, layout.use_property_decorate = True, False
@@ -185,7 +185,7 @@ class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
         if rig is not None:
             self._draw_rig(layout, context, rig)
 
-    def _draw_rig(self, layout, context, rig):
+    def _draw_rig(self, layout: bpy.types.UILayout, context: bpy.types.Context, rig: bpy.types.Collection) -> None:
         wanted, camera = settings_of(context).cameras, context.scene.camera
         row = layout.row(align=True)
         row.operator("frametwin.step_camera", text="", icon="TRIA_LEFT").step = -1

@@ -1,12 +1,12 @@
 """Step 2, the real print: how it sags, how much of it is printed, what is missing."""
 
 # No postponed annotations here: Blender reads them as properties.
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
 from frametwin.blender.background.keeping import keep
-from frametwin.blender.background.runner import Job
+from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.display.prints import copy_to_bend, partly_printed, show_print_steps
 from frametwin.blender.frames.plan_objects import make_active
 from frametwin.blender.frames.plans import plan_from_object
@@ -43,7 +43,7 @@ def sag_job(context: bpy.types.Context) -> Job:
         **({"printed": settings.share} if settings.how == "share" else {}),
     }
 
-    def finish(answer):
+    def finish(answer: dict[str, Any]) -> Steps:
         scene = scene_now()
         obj = yield from show_print_steps(frame, answer, scene)
         old = scene.frametwin.print_object
@@ -69,10 +69,10 @@ class FRAMETWIN_OT_sag(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, plan_of(context), "Import or add a frame first") and can_compute(cls)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(sag_job(context))
 
 
@@ -84,10 +84,10 @@ class FRAMETWIN_OT_copy_to_bend(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, plan_of(context), "Import or add a frame first")
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         obj = copy_to_bend(plan_of(context), context.scene)
         make_active(obj)
         settings_of(context).print_object = obj
@@ -102,7 +102,7 @@ class FRAMETWIN_PT_deform(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_deform"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         if plan_of(context) is None:
             write_text(layout, "Add a plan first. With real pictures, go on to Fit.", context, "INFO")

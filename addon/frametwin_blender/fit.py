@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from frametwin.blender.background.keeping import keep
-from frametwin.blender.background.runner import Job
+from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.background.stepwise import run_steps
 from frametwin.blender.display.preview import remove_preview, show_preview
 from frametwin.blender.display.twins import RUN_KEY, TwinContent, TwinObjects, show_twin_steps
@@ -44,7 +44,7 @@ def fit_job(context: bpy.types.Context) -> Job:
     if settings.fit.warm:
         parameters["warm_start"] = start_run(context)
 
-    def finish(content):
+    def finish(content: TwinContent) -> Steps:
         scene = scene_now()
         colours = wanted_colours(scene.frametwin.view, content.values)
         shown = yield from show_twin_steps(content, scene=scene, colours=colours)
@@ -106,10 +106,10 @@ class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, settings_of(context).fit.capture, "Choose a capture folder first")
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         settings = settings_of(context)
         folder = given_folder(settings.fit.capture, "Capture")
         capture, cameras = read_capture(folder), read_calibration(folder)
@@ -132,10 +132,10 @@ class FRAMETWIN_OT_fit(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, settings_of(context).fit.capture, "Choose or render a capture first") and can_compute(cls)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(fit_job(context))
 
 
@@ -148,11 +148,11 @@ class FRAMETWIN_OT_import_run(Step, bpy.types.Operator):
 
     directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         content = TwinContent.read(given_folder(self.directory, "Run"))
         colours = wanted_colours(settings_of(context).view, content.values)
         shown = run_steps(show_twin_steps(content, scene=context.scene, colours=colours))
@@ -167,7 +167,7 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_fit"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).fit, self.layout
         layout.use_property_split, layout.use_property_decorate = True, False
         if not settings.capture:

@@ -16,6 +16,7 @@ from frametwin.blender.frames.plan_objects import is_added_plan
 from frametwin.blender.frames.plans import READABLE
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.wording import enumerated
 
 from .recolour import recolour_afresh
 from .steps import plan_of, print_of, twin_of
@@ -86,7 +87,7 @@ def make_way(context: bpy.types.Context, plan: bpy.types.Object, keep_twin: bool
         hide_twin(twin)
     stays = [obj for obj, ours in ((before, is_added_plan), (real, is_made_print)) if obj is not None and not ours(obj)]
     names = sorted({obj.name for obj in stays if obj != plan and obj.visible_get()})
-    return f"; {' and '.join(names)}, of your own, stays in view" if names else ""
+    return f"; {enumerated(names)}, of your own, stays in view" if names else ""
 
 
 def twin_shows(context: bpy.types.Context, frame: Wireframe) -> bool:

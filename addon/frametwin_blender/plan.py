@@ -81,7 +81,7 @@ class FRAMETWIN_OT_add_frame(Step, bpy.types.Operator):
     bl_label = "Add Frame"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         return take_frame(context, named_frame(settings_of(context).about_plan.frame))
 
 
@@ -97,7 +97,7 @@ class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
         default="*.json;*.obj;*.txt;*.stl;*.ply;*.off", options={"HIDDEN"}
     )
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         return take_frame(context, read_importable(Path(bpy.path.abspath(self.filepath))))
 
 
@@ -123,11 +123,11 @@ class FRAMETWIN_OT_use_selected(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         fine = context.object is not None and context.object.type in READABLE
         return needs(cls, fine, "Select a mesh or a curve first")
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         return take_plan(context, context.object, plan_summary(context.object, context.scene))
 
 
@@ -139,10 +139,10 @@ class FRAMETWIN_OT_check_plan(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, plan_of(context), "Import or add a frame first")
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         plan, about = plan_of(context), settings_of(context).about_plan
         try:
             summary = plan_summary(plan, context.scene)
@@ -163,11 +163,11 @@ class FRAMETWIN_OT_select_culprits(Step, bpy.types.Operator):
     kind: bpy.props.StringProperty()  # type: ignore[valid-type]
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         plan = plan_of(context)
         return needs(cls, plan is not None and plan.type == "CURVE", "The plan is no curve object: import it as one")
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         plan = plan_of(context)
         problem = next((p for p in settings_of(context).about_plan.problems if p.kind == self.kind), None)
         if problem is None:
@@ -186,10 +186,10 @@ class FRAMETWIN_OT_use_millimetres(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, plan_of(context) is None, "Change the unit before there is a plan, or scale it by hand")
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         use_millimetres(context.scene)
         suit_millimetres(context)
         return "A unit of this scene is a millimetre"
@@ -204,7 +204,7 @@ class FRAMETWIN_FH_frame(bpy.types.FileHandler):
     bl_file_extensions = ".json;.txt"
 
     @classmethod
-    def poll_drop(cls, context):
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
@@ -214,7 +214,7 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
     bl_label = "Plan"
     bl_idname = "FRAMETWIN_PT_plan"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context), self.layout
         about, plan = settings.about_plan, plan_of(context)
         if plan is None:
@@ -240,7 +240,9 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
             column.label(text=f"Strut radius {about.radius:.3g} mm")
         self._draw_problems(layout, about, context)
 
-    def _draw_problems(self, layout, about, context):
+    def _draw_problems(
+        self, layout: bpy.types.UILayout, about: bpy.types.PropertyGroup, context: bpy.types.Context
+    ) -> None:
         for problem in about.problems:
             box = layout.box()
             write_text(box, problem.sentence, context, "ERROR")

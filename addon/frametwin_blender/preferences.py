@@ -2,7 +2,7 @@
 
 # No postponed annotations here: Blender reads them as properties.
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar
@@ -48,7 +48,7 @@ class FrameTwinPreferences(bpy.types.AddonPreferences):
         description="Where Set Up looks for PyTorch besides PyPI; the default has the small build for CPUs",
     )
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split, layout.use_property_decorate = True, False
         write_text(layout, "The fitter runs in a Python environment of its own, never inside Blender.", context)
@@ -60,7 +60,7 @@ class FrameTwinPreferences(bpy.types.AddonPreferences):
         draw_progress(layout, context, TITLE)
         self._draw_set_up(layout, context)
 
-    def _draw_found(self, layout, context):
+    def _draw_found(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         if is_being_set_up():
             write_text(layout, "It is being set up, see below; nothing can be computed meanwhile.", context, "INFO")
             return
@@ -69,7 +69,7 @@ class FrameTwinPreferences(bpy.types.AddonPreferences):
         except InputError:
             write_text(layout, "There is none yet: press Set Up, or choose one.", context, "ERROR")
 
-    def _draw_set_up(self, layout, context):
+    def _draw_set_up(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         installer = session.installer
         box = layout.box()
         box.prop(self, "base")
@@ -211,6 +211,8 @@ def has_python() -> bool:
 def draw_set_up_progress(layout: bpy.types.UILayout) -> None:
     """How far the set-up that is under way is, with a button to cancel it."""
     installer = session.installer
+    if installer is None:
+        return
     row = layout.row(align=True)
     row.progress(factor=(installer.number + 0.5) / installer.total, text=f"Set Up: {installer.stage}")
     row.operator("frametwin.cancel_set_up", text="", icon="X")
@@ -248,7 +250,7 @@ class FRAMETWIN_OT_open_preferences(bpy.types.Operator):
     bl_label = "Open Preferences"
     bl_options: ClassVar = {"INTERNAL"}
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         bpy.ops.preferences.addon_show(module=__package__)
         return {"FINISHED"}
 
@@ -261,7 +263,7 @@ class FRAMETWIN_OT_set_up(Step, bpy.types.Operator):
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         online = needs(cls, bpy.app.online_access, "Allow online access in Preferences > System > Network first")
         running = session.installer is not None and session.installer.running
         under_way = f"{session.runner.status.title} is under way: wait for it, or cancel it, before you set up"
@@ -271,8 +273,9 @@ class FRAMETWIN_OT_set_up(Step, bpy.types.Operator):
             and needs(cls, not session.runner.busy, under_way)
         )
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         preferences = preferences_of()
+        assert preferences is not None  # the button is in them
         session.runner.close()  # a worker that waits in the environment would be pulled from under its feet
         session.start_installation(
             Installer(
@@ -294,7 +297,7 @@ class FRAMETWIN_OT_cancel_set_up(bpy.types.Operator):
     bl_label = "Cancel"
     bl_options: ClassVar = {"INTERNAL"}
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         if session.installer is not None:
             session.installer.cancel()
         return {"FINISHED"}
@@ -308,10 +311,10 @@ class FRAMETWIN_OT_test_python(Step, bpy.types.Operator):
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return can_compute(cls)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(test_job())
 
 
@@ -325,7 +328,7 @@ def test_job() -> Job:
     """
     client = python_worker()
 
-    def finish(versions):
+    def finish(versions: Mapping[str, Any]) -> Steps:
         missing = [name for name in ("torch", "numba", "scipy") if versions.get(name) is None]
         if missing:
             raise InputError.at(client.python, "packages", f"lacks {', '.join(missing)}", REMEDY)

@@ -1,17 +1,17 @@
 """Below step 7: a whole print, batch by batch on the timeline, simulated or with a robot."""
 
 # No postponed annotations here: Blender reads them as properties.
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
 from frametwin.blender.background.keeping import keep
-from frametwin.blender.background.runner import Job
+from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.display.print_jobs import WORDS_KEY, batch_shown, jobs_in, remove_job, show_job_steps
 from frametwin.blender.frames.plans import plan_from_object
 from frametwin.errors import InputError
 from frametwin.formats import frame_json
-from frametwin.printing.records.history import read_history
+from frametwin.printing.records.history import PrintHistory, read_history
 
 from . import session
 from .folders import fresh_folder, given_folder, work_folder
@@ -34,7 +34,8 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
     settings, scene_now = settings_of(context).print, keep(context.scene)
     frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=context.scene))
     modes, parent = MODES[settings.mode], work_folder(context)
-    top, told = [], []
+    top: list[float] = []
+    told: list[str] = []
     plan = {"batch_size": settings.batch_size} if settings.batch_size else {}
 
     def job(place: int) -> Job:
@@ -44,7 +45,7 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
         steered = {"adapt": adapt, "reprint": adapt, "compensate": mode == "compensate"}
         wanted = {"plan": {**plan, **steered}, "seed": settings.seed}
 
-        def finish(found):
+        def finish(found: tuple[dict[str, Any], PrintHistory]) -> Steps:
             scene, (answer, history) = scene_now(), found
             if place == 0:
                 for old in jobs_in(scene):
@@ -89,7 +90,7 @@ def show_job(context: bpy.types.Context) -> Job:
     scene_now = keep(context.scene)
     folder = given_folder(settings_of(context).print.job, "Job")
 
-    def finish(history):
+    def finish(history: PrintHistory) -> Steps:
         scene = scene_now()
         place = len(jobs_in(scene))
         yield from show_job_steps(history, scene, folder=str(folder), place=place)
@@ -112,7 +113,7 @@ def plan_print_job(context: bpy.types.Context) -> Job:
     wanted = {"batch_size": settings.batch_size} if settings.batch_size else {}
     frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=context.scene))
 
-    def finish(answer):
+    def finish(answer: dict[str, Any]) -> Steps:
         scene_now().frametwin.print.job = str(answer["out"])
         return f"Job {answer['out']}: print its first batch, take the pictures, then Answer"
         yield
@@ -132,7 +133,7 @@ def answer_job(context: bpy.types.Context) -> Job:
     folder = given_folder(settings.print.job, "Job")
     capture = given_folder(settings.fit.capture, "Capture")
 
-    def finish(found):
+    def finish(found: tuple[dict[str, Any], PrintHistory]) -> Steps:
         scene, (answer, history) = scene_now(), found
         for old in jobs_in(scene):
             remove_job(old)
@@ -152,7 +153,7 @@ def answer_job(context: bpy.types.Context) -> Job:
 
 class _PlanStep(Step):
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, plan_of(context), "Import or add a frame first") and can_compute(cls)
 
 
@@ -163,7 +164,7 @@ class FRAMETWIN_OT_simulate_print(_PlanStep, bpy.types.Operator):
     bl_label = "Simulate Print"
     bl_options: ClassVar = {"REGISTER"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(simulation_jobs(context))
 
 
@@ -174,13 +175,13 @@ class FRAMETWIN_OT_plan_print(_PlanStep, bpy.types.Operator):
     bl_label = "Plan Print"
     bl_options: ClassVar = {"REGISTER"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(plan_print_job(context))
 
 
 class _JobStep(Step):
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, settings_of(context).print.job, "Choose the folder of a job first") and is_free(cls)
 
 
@@ -192,12 +193,12 @@ class FRAMETWIN_OT_answer_print(_JobStep, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         capture = settings_of(context).fit.capture
         chosen = needs(cls, capture, "Choose the batch's pictures first (Fit > Capture)")
         return chosen and super().poll(context) and can_compute(cls)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(answer_job(context))
 
 
@@ -208,13 +209,13 @@ class FRAMETWIN_OT_show_job(_JobStep, bpy.types.Operator):
     bl_label = "Show Job"
     bl_options: ClassVar = {"REGISTER"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(show_job(context))
 
 
 class _ShownStep(Step):
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, jobs_in(context.scene), "Show or simulate a job first")
 
 
@@ -227,7 +228,7 @@ class FRAMETWIN_OT_step_batch(_ShownStep, bpy.types.Operator):
 
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         scene = context.scene
         frames = sorted(marker.frame for marker in scene.timeline_markers if marker.name.startswith("batch "))
         past = [frame for frame in frames if frame <= scene.frame_current]
@@ -245,7 +246,7 @@ class FRAMETWIN_OT_remove_jobs(_ShownStep, bpy.types.Operator):
     bl_label = "Remove Jobs"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         for collection in jobs_in(context.scene):
             remove_job(collection)
 
@@ -258,7 +259,7 @@ class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
     bl_parent_id = "FRAMETWIN_PT_adapt"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).print, self.layout
         layout.use_property_split, layout.use_property_decorate = True, False
         if plan_of(context) is None:
@@ -278,7 +279,7 @@ class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
         row.operator("frametwin.show_job", text="Show")
         self._draw_jobs(layout, context)
 
-    def _draw_jobs(self, layout, context):
+    def _draw_jobs(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         jobs = jobs_in(context.scene)
         if not jobs:
             return

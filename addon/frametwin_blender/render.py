@@ -1,13 +1,13 @@
 """Step 4, the pictures: all cameras of the rig, into a capture folder, by a second Blender."""
 
 # No postponed annotations here: Blender reads them as properties.
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
 from frametwin.blender.background.child import blender_worker
 from frametwin.blender.background.keeping import keep
-from frametwin.blender.background.runner import Job
+from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.display.prints import read_print
 from frametwin.blender.views.captures import capture_parameters
 
@@ -39,7 +39,7 @@ def render_job(context: bpy.types.Context) -> Job:
         seed=settings.deform.seed,
     )
 
-    def finish(answer):
+    def finish(answer: dict[str, Any]) -> Steps:
         scene().frametwin.fit.capture = answer["out"]
         return f"{answer['views']} pictures in {answer['out']}"
         yield
@@ -63,14 +63,14 @@ class FRAMETWIN_OT_render(Step, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return (
             needs(cls, plan_of(context), "Import or add a frame first")
             and needs(cls, rig_of(context), "Make a rig or import cameras first")
             and is_free(cls)
         )
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         session.start(render_job(context))
 
 
@@ -81,7 +81,7 @@ class FRAMETWIN_PT_render(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_render"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).render, self.layout
         if plan_of(context) is None or rig_of(context) is None:
             write_text(layout, "Needs a plan and cameras. With real pictures, go on to Fit.", context, "INFO")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 import bpy
 
 from frametwin.errors import FrameTwinError
@@ -16,8 +19,11 @@ CHARACTER = 6.6
 class Step:
     """An operator that calls functions of ``frametwin.blender``; what a user can cause becomes one report in words."""
 
-    def act(self, context: bpy.types.Context) -> str:
-        """Do it; returns what there is to tell."""
+    if TYPE_CHECKING:  # an operator's own, in every class that is registered
+        report: Callable[[set[str], str], None]
+
+    def act(self, context: bpy.types.Context) -> str | None:
+        """Do it; returns what there is to tell, if there is anything."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -33,6 +39,9 @@ class Step:
 
 class FileStep(Step):
     """A `Step` that asks for a file first, unless it has one."""
+
+    if TYPE_CHECKING:
+        filepath: str
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.filepath:
@@ -94,14 +103,14 @@ def twin_of(context: bpy.types.Context) -> bpy.types.Collection | None:
     return twin if twin is not None and twin in context.scene.collection.children_recursive else None
 
 
-def needs(cls: type, fine: object, otherwise: str) -> bool:
+def needs(cls: type[Any], fine: object, otherwise: str) -> bool:
     """The answer of a ``poll``; the sentence is shown in the tooltip of a button that cannot be pressed."""
     if not fine:
         cls.poll_message_set(otherwise)
     return bool(fine)
 
 
-def is_free(cls: type) -> bool:
+def is_free(cls: type[Any]) -> bool:
     """Whether no job is under way, as an answer of a ``poll``."""
     return needs(cls, not session.runner.busy, "Something is under way already: wait for it, or cancel it")
 

@@ -58,7 +58,7 @@ def quantity_of(shown: TwinObjects, name: str) -> StrutValues:
 
 class _TwinStep(Step):
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return needs(cls, twin_of(context), "Fit a capture or import a run first")
 
 
@@ -79,10 +79,10 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
     )
 
     @classmethod
-    def description(cls, context, properties):
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return f"Select the {properties.kind} struts of the twin, in Edit Mode"
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         struts = chosen_struts(context, self.kind)
         twin_of(context).hide_viewport = False
         twin = find_twin(twin_of(context)).twin
@@ -101,7 +101,7 @@ class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
 
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         struts, view = chosen_struts(context, "worst"), settings_of(context).view
         twin_of(context).hide_viewport = False
         shown = find_twin(twin_of(context))
@@ -121,7 +121,7 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
     bl_label = "Whole Twin"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         twin_of(context).hide_viewport = False
         twin = find_twin(twin_of(context)).twin
         make_active(twin)
@@ -140,10 +140,10 @@ class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
     filter_glob: bpy.props.StringProperty(default="*.json;*.obj;*.csv", options={"HIDDEN"})  # type: ignore[valid-type]
     check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
 
-    def default_name(self, context):
+    def default_name(self, context: bpy.types.Context) -> str:
         return twin_of(context).name
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))
         export_twin(find_twin(twin_of(context)), path)
         return f"Wrote {path}"
@@ -156,7 +156,7 @@ class FRAMETWIN_OT_remove_twin(_TwinStep, bpy.types.Operator):
     bl_label = "Remove Twin"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> None:
         collection = twin_of(context)
         if context.mode != "OBJECT":
             bpy.ops.object.mode_set(mode="OBJECT")
@@ -174,7 +174,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_twin"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, settings, collection = self.layout, settings_of(context), twin_of(context)
         if collection is None:
             write_text(layout, "Fit a capture first, or import a run.", context, "INFO")
@@ -193,7 +193,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         self._draw_objects(layout, settings, collection)
         layout.operator("frametwin.export_twin", icon="EXPORT")
 
-    def _draw_colours(self, layout, view):
+    def _draw_colours(self, layout: bpy.types.UILayout, view: bpy.types.PropertyGroup) -> None:
         layout.prop(view, "quantity", text="")
         row = layout.row(align=True)
         row.prop(view, "automatic", text="Automatic Range" if view.automatic else "Auto", toggle=True)
@@ -202,7 +202,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             row.prop(view, "high", text="")
         row.prop(view, "legend", text="", icon="COLOR", toggle=True)
 
-    def _draw_statistics(self, layout, found):
+    def _draw_statistics(self, layout: bpy.types.UILayout, found: StrutValues) -> None:
         numbers = statistics_of(found.values)
         box = layout.box().column(align=True)
         for name, value in (("Mean", numbers.mean), ("95th percentile", numbers.p95), ("Highest", numbers.max)):
@@ -212,7 +212,9 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             figure.alignment = "RIGHT"
             figure.label(text=f"{value:.3f} {found.unit}")
 
-    def _draw_selection(self, layout, view, missing, uncertain):
+    def _draw_selection(
+        self, layout: bpy.types.UILayout, view: bpy.types.PropertyGroup, missing: int, uncertain: int
+    ) -> None:
         row = layout.row(align=True)
         row.operator("frametwin.step_strut", text="", icon="TRIA_LEFT").step = -1
         row.operator("frametwin.select_struts", text="Worst").kind = "worst"
@@ -227,7 +229,9 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             sub.operator("frametwin.select_struts", text=f"{count} {kind}").kind = kind
         layout.operator("frametwin.leave_struts", icon="OBJECT_DATAMODE")
 
-    def _draw_objects(self, layout, settings, collection):
+    def _draw_objects(
+        self, layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, collection: bpy.types.Collection
+    ) -> None:
         shown = {obj.get(ROLE_KEY): obj for obj in collection.objects}
         draw_shown(layout, ("Plan", shown.get("plan")), ("Twin", shown.get("twin")), ("Print", settings.print_object))
 

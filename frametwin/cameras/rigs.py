@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -101,6 +101,16 @@ def dome_rig(
     turn = np.arange(count)
     elevation = np.arcsin(low + (high - low) * (turn + 0.5) / count)  # equal areas of the band
     return _rig(target, np.radians(start_deg) + GOLDEN_ANGLE * turn, elevation, size, fov_deg, margin)
+
+
+RIGS: dict[str, Callable[..., tuple[Camera, ...]]] = {"ring": ring_rig, "dome": dome_rig}
+"""Rigs by name."""
+
+
+def box_around(*frames: Wireframe) -> Floats:
+    """Box (2, 3) in mm that holds all struts of all frames with their radius, printed or not."""
+    low, high = zip(*((f.bounds[0] - f.radius.max(), f.bounds[1] + f.radius.max()) for f in frames), strict=True)
+    return np.stack([np.min(low, axis=0), np.max(high, axis=0)])
 
 
 def stepped_back(cameras: Sequence[Camera], target: Wireframe | ArrayLike, factor: float) -> tuple[Camera, ...]:

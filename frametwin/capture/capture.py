@@ -6,25 +6,26 @@ The files are ``frame.json``, ``transforms.json`` (nerfstudio's, poses in mm), `
 
 from __future__ import annotations
 
+import hashlib
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
-from frametwin.arrays import checked_array, is_plain_text
-from frametwin.cameras import Camera, from_nerfstudio, to_nerfstudio
-from frametwin.capture.capture_checks import check_truth, check_views
-from frametwin.capture.image_files import image_size, write_png
+from frametwin.cameras import Camera, to_nerfstudio
+from frametwin.capture.capture_checks import check_pictures, check_truth, check_views
+from frametwin.capture.image_files import write_png
+from frametwin.capture.paths import path_inside
+from frametwin.capture.picture import Picture
+from frametwin.capture.transforms import FORMAT, VERSION, entries_of, read_camera
 from frametwin.errors import InputError
-from frametwin.files import PathLike, check_format, read_json, staged_directory, write_json
+from frametwin.files import PathLike, decode_text, parse_json, read_bytes, staged_directory, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
-
-FORMAT = "frametwin-capture"
-VERSION = 1
 
 _OWN_FILES = ("frame.json", "transforms.json", "truth.json", "images", "background")
 _SAFE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
@@ -32,16 +33,21 @@ _SAFE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 @dataclass(frozen=True)
 class View:
-    """One picture of the print: its camera, its file, and the same view before printing if there is one."""
+    """One picture of the print: its camera, the picture, and the same view before printing if there is one."""
 
     camera: Camera
-    image: Path
-    background: Path | None
+    image: Picture
+    background: Picture | None
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """Both, or the one there is."""
+        return (self.image,) if self.background is None else (self.image, self.background)
 
 
 @dataclass(frozen=True)
 class Capture:
-    """A capture, checked but with its pictures unread.
+    """A capture, read and checked, its pictures not decoded yet.
 
     Attributes
     ----------
@@ -53,16 +59,36 @@ class Capture:
         At least two views, in the order of ``transforms.json``.
     truth
         The real geometry, with the struts of the plan, where it is known.
+    documents
+        What ``transforms.json`` held, and ``frame.json`` where the plan comes from it, by name.
     """
 
     root: Path
     frame: Wireframe
     views: tuple[View, ...]
     truth: Wireframe | None
+    documents: Mapping[str, bytes] = field(default_factory=dict, repr=False)
+
+    @property
+    def pictures(self) -> Iterator[Picture]:
+        """Those of all views, each view's background after its picture."""
+        return (picture for view in self.views for picture in view.pictures)
+
+    def name_of(self, picture: Picture) -> str:
+        """The name of a picture in the capture, with forward slashes."""
+        return picture.path.relative_to(self.root).as_posix()
+
+    @cached_property
+    def hashes(self) -> dict[str, str]:
+        """SHA-256 of plan, cameras and pictures as they were read, by name in the capture."""
+        texts = {name: hashlib.sha256(data).hexdigest() for name, data in self.documents.items()}
+        return {**texts, **{self.name_of(picture): picture.sha256 for picture in self.pictures}}
 
 
 def read_capture(folder: PathLike, frame: Wireframe | None = None) -> Capture:
-    """Read a capture folder and check everything that needs no pixels.
+    """Read a capture folder, every file once, and check everything that needs no pixels.
+
+    What is made of the capture later is made of what was read here, whatever becomes of the files meanwhile.
 
     Parameters
     ----------
@@ -82,70 +108,38 @@ def read_capture(folder: PathLike, frame: Wireframe | None = None) -> Capture:
     root = Path(folder)
     if not root.is_dir():
         raise InputError.at(root, "folder", "there is no such folder", "give the folder of a capture")
-    frame_file = _inside(root, "frame.json", root / "frame.json", "file")
-    frame = frame_json.read(frame_file) if frame is None else frame
+    documents: dict[str, bytes] = {}
+    frame_file = path_inside(root, "frame.json", root / "frame.json", "file")
+    if frame is None:
+        documents["frame.json"] = read_bytes(frame_file)
+        frame = frame_json.parse(_parsed(documents["frame.json"], frame_file), frame_file)
     if not frame.printed.any():
         raise InputError.at(frame_file, "printed", "no strut is printed", "mark the struts that have been printed")
-    transforms = _inside(root, "transforms.json", root / "transforms.json", "file")
-    views = _read_views(root, read_json(transforms), transforms)
+    transforms = path_inside(root, "transforms.json", root / "transforms.json", "file")
+    documents["transforms.json"] = read_bytes(transforms)
+    views = _read_views(root, _parsed(documents["transforms.json"], transforms), transforms)
     check_views(frame, [view.camera for view in views], transforms)
     truth = None
-    truth_file = _inside(root, "truth.json", root / "truth.json", "file")
+    truth_file = path_inside(root, "truth.json", root / "truth.json", "file")
     if truth_file.exists():
         truth = frame_json.read(truth_file)
         check_truth(truth, frame, truth_file)
-    return Capture(root=root, frame=frame, views=tuple(views), truth=truth)
+    return Capture(root=root, frame=frame, views=tuple(views), truth=truth, documents=documents)
 
 
-def _inside(root: Path, name: str, file: Path, field: str) -> Path:
-    """Return ``root / name`` unless it leads out of the folder; the name stands in ``field`` of ``file``."""
-    remedy = "put the file into the capture and write its path relative to the folder, with forward slashes"
-    if not is_plain_text(name):
-        raise InputError.at(file, field, f"{name!r} is not a file name", remedy)
-    if "\\" in name:
-        raise InputError.at(file, field, f"{name!r} is not written with forward slashes", remedy)
-    windows = PureWindowsPath(name)
-    if PurePosixPath(name).is_absolute() or windows.drive or windows.root:
-        raise InputError.at(file, field, f"{name!r} is an absolute path", remedy)
-    if ".." in PurePosixPath(name).parts:
-        raise InputError.at(file, field, f"{name!r} leaves the folder of the capture", remedy)
-    path = root / name
-    try:
-        leads_out = not path.resolve().is_relative_to(root.resolve())
-    except (OSError, RuntimeError) as error:  # a link to itself
-        raise InputError.at(file, field, f"{name!r} is a link that leads nowhere", remedy) from error
-    if leads_out:
-        raise InputError.at(file, field, f"{name!r} is a link that leaves the folder of the capture", remedy)
-    return path
-
-
-def read_cameras(path: PathLike) -> tuple[Camera, ...]:
-    """Read the cameras of a ``transforms.json`` without its pictures, which need not exist.
-
-    Returns
-    -------
-    At least two cameras, each under the name of its picture without folder and suffix.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, or holds fewer than two views.
-    """
-    file = Path(path)
-    entries, shared = _entries(read_json(file), file)
-    stems = [PurePosixPath(str(entry.get("file_path", f"view_{i:02d}"))).stem for i, entry in enumerate(entries)]
-    return tuple(_read_camera(entry, shared, stems[i], file, i) for i, entry in enumerate(entries))
+def _parsed(data: bytes, path: Path) -> dict[str, Any]:
+    return parse_json(decode_text(data, path), path)
 
 
 def _read_views(root: Path, data: dict[str, Any], path: Path) -> list[View]:
     """Read the views of ``transforms.json`` with their pictures."""
-    entries, shared = _entries(data, path)
+    entries, shared = entries_of(data, path)
     stems = [PurePosixPath(str(entry.get("file_path"))).stem for entry in entries]
     views: list[View] = []
     taken: dict[Path, int] = {}
     for i, entry in enumerate(entries):
-        image = _image_file(root, entry.get("file_path"), path, f"frames[{i}].file_path")
-        key = image.resolve()
+        file = _image_file(root, entry.get("file_path"), path, f"frames[{i}].file_path")
+        key = file.resolve()
         if key in taken:
             raise InputError.at(
                 path,
@@ -155,27 +149,10 @@ def _read_views(root: Path, data: dict[str, Any], path: Path) -> list[View]:
             )
         taken[key] = i
         name = stems[i] if stems.count(stems[i]) == 1 else str(entry["file_path"])
-        camera = _read_camera(entry, shared, name, path, i)
-        _check_size(image, camera, path, f"frames[{i}]")
-        views.append(View(camera=camera, image=image, background=_background(root, image, camera, path, i)))
+        camera = read_camera(entry, shared, name, path, i)
+        image = _picture(file, camera, path, f"frames[{i}]")
+        views.append(View(camera=camera, image=image, background=_background(root, file, camera, path, i)))
     return views
-
-
-def _entries(data: dict[str, Any], path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """The views of ``transforms.json`` and what they share; files of nerfstudio carry neither format nor version."""
-    if "format" in data or "version" in data:
-        check_format({"format": FORMAT, **data}, path, FORMAT, VERSION)
-    entries = data.get("frames")
-    if entries is None:
-        raise InputError.at(path, "frames", "is missing", "list the views under 'frames'")
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise InputError.at(path, "frames", "is not a list of objects", "write one {...} for each view")
-    if len(entries) < 2:
-        raise InputError.at(
-            path, "frames", f"holds {len(entries)} view{'s' * (len(entries) != 1)}", "give at least two views"
-        )
-    shared = {key: value for key, value in data.items() if key not in ("frames", "file_path", "transform_matrix")}
-    return entries, shared
 
 
 def _image_file(root: Path, name: Any, path: Path, field: str) -> Path:
@@ -183,51 +160,34 @@ def _image_file(root: Path, name: Any, path: Path, field: str) -> Path:
         raise InputError.at(path, field, "is missing", "name the picture of the view")
     if not isinstance(name, str):
         raise InputError.at(path, field, f"{name!r} is not a text", "name the picture of the view")
-    image = _inside(root, name, path, field)
+    image = path_inside(root, name, path, field)
     if not image.is_file():
         raise InputError.at(path, field, f"the picture {name!r} is missing", "put it there, or correct the name")
     return image
 
 
-def _read_camera(entry: dict[str, Any], shared: dict[str, Any], name: str, path: Path, i: int) -> Camera:
-    field = f"frames[{i}].transform_matrix"
-    matrix = checked_array(entry.get("transform_matrix"), "f", (4, 4), str(path), field)
-    if not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):
-        raise InputError.at(path, field, "its last row is not 0 0 0 1", "give the camera's pose in the world")
-    sizes = np.linalg.norm(matrix[:3, :3], axis=0)
-    if abs(float(np.linalg.det(matrix[:3, :3]))) < 1e-9 * max(1.0, float(sizes.max())) ** 3:
-        raise InputError.at(path, field, "is singular", "give a rotation and a position in mm")
-    if np.abs(sizes - 1.0).max() > 1e-3:
-        raise InputError.at(
-            path,
-            field,
-            "holds a scale",
-            "divide the three axes by their lengths, and give the position in mm",
-        )
-    if np.abs(matrix[:3, :3].T @ matrix[:3, :3] - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix[:3, :3]) < 0.0:
-        raise InputError.at(path, field, "is not a rigid pose", "remove shear and mirroring from its rotation")
-    return from_nerfstudio(entry, shared=shared, name=name, source=f"{path}: frames[{i}]")
-
-
-def _check_size(image: Path, camera: Camera, path: Path, field: str) -> None:
-    width, height = image_size(image)
+def _picture(file: Path, camera: Camera, path: Path, field: str) -> Picture:
+    """Read the picture of a camera, which stands in ``field`` of the file ``path``."""
+    picture = Picture.read(file)
+    width, height = picture.size
     if (width, height) != (camera.width, camera.height):
         raise InputError.at(
-            image,
+            file,
             "size",
             f"is {width} x {height} pixels, {field} of {path.name} says {camera.width} x {camera.height}",
             "give the picture as it was taken, or calibrate again",
         )
+    return picture
 
 
-def _background(root: Path, image: Path, camera: Camera, path: Path, i: int) -> Path | None:
-    """Find the view before printing: the same name below ``background/`` as below ``images/``."""
-    folder = _inside(root, "background", root / "background", "folder")
+def _background(root: Path, image: Path, camera: Camera, path: Path, i: int) -> Picture | None:
+    """Read the view before printing: the same name below ``background/`` as below ``images/``."""
+    folder = path_inside(root, "background", root / "background", "folder")
     if not folder.exists():
         return None
     relative = image.relative_to(root)
     name = PurePosixPath("background", *(relative.parts[1:] or relative.parts))
-    background = _inside(root, str(name), path, f"frames[{i}].file_path")
+    background = path_inside(root, str(name), path, f"frames[{i}].file_path")
     if not background.is_file():
         raise InputError.at(
             background,
@@ -235,8 +195,7 @@ def _background(root: Path, image: Path, camera: Camera, path: Path, i: int) -> 
             "the view before printing is missing",
             "put it there, or remove the folder",
         )
-    _check_size(background, camera, path, f"frames[{i}]")
-    return background
+    return _picture(background, camera, path, f"frames[{i}]")
 
 
 def write_capture(
@@ -273,7 +232,7 @@ def write_capture(
         behind then.
     """
     pictures = {"images": images} if backgrounds is None else {"images": images, "background": backgrounds}
-    _check_pictures(folder, cameras, pictures)
+    check_pictures(folder, cameras, pictures)
     with staged_directory(folder, overwrite) as staged:
         cameras = write_description(staged, frame, cameras, truth, extra, name=folder)
         for kind, kind_pictures in pictures.items():
@@ -334,28 +293,6 @@ def _check_extra(folder: PathLike, names: Iterable[str]) -> None:
     for name in names:
         if name in _OWN_FILES or not name.endswith(".json") or not _SAFE_NAME.fullmatch(name):
             raise InputError.at(folder, "extra", f"{name!r} is not a free file name", "name it like notes.json")
-
-
-def _check_pictures(folder: PathLike, cameras: Sequence[Camera], pictures: dict[str, Sequence[np.ndarray]]) -> None:
-    if len(cameras) < 2:
-        raise InputError.at(folder, "cameras", f"there are {len(cameras)}", "give at least two views")
-    for kind, images in pictures.items():
-        if len(images) != len(cameras):
-            raise InputError.at(
-                folder,
-                kind,
-                f"there are {len(images)} pictures and {len(cameras)} cameras",
-                "give one picture for each camera",
-            )
-        for camera, image in zip(cameras, images, strict=True):
-            if image.shape[:2] != (camera.height, camera.width):
-                raise InputError.at(
-                    folder,
-                    f"{kind} of {camera.name}",
-                    f"the picture is {image.shape[1]} x {image.shape[0]} pixels,"
-                    f" its camera {camera.width} x {camera.height}",
-                    "give the two the same size",
-                )
 
 
 def _image_names(cameras: Sequence[Camera]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Whether the parts of a capture fit each other: cameras that see the frame, a truth of that frame."""
+"""Whether the parts of a capture fit each other: cameras that see the frame, their pictures, a truth of that frame."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
+from frametwin.files import PathLike
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 
@@ -100,3 +101,32 @@ def check_truth(truth: Wireframe, frame: Wireframe, path: str | os.PathLike[str]
         i = int(other[0])
         found, wanted = (tuple(int(v) for v in edges[i]) for edges in (truth.edges, frame.edges))
         raise InputError.at(path, f"edges[{i}]", f"is {found} where frame.json has {wanted}", remedy)
+
+
+def check_pictures(folder: PathLike, cameras: Sequence[Camera], pictures: dict[str, Sequence[np.ndarray]]) -> None:
+    """Refuse pictures, by kind (H, W, ...), that are not one for each camera and of its size.
+
+    Raises
+    ------
+    InputError
+        With the kind and the camera.
+    """
+    if len(cameras) < 2:
+        raise InputError.at(folder, "cameras", f"there are {len(cameras)}", "give at least two views")
+    for kind, images in pictures.items():
+        if len(images) != len(cameras):
+            raise InputError.at(
+                folder,
+                kind,
+                f"there are {len(images)} pictures and {len(cameras)} cameras",
+                "give one picture for each camera",
+            )
+        for camera, image in zip(cameras, images, strict=True):
+            if image.shape[:2] != (camera.height, camera.width):
+                raise InputError.at(
+                    folder,
+                    f"{kind} of {camera.name}",
+                    f"the picture is {image.shape[1]} x {image.shape[0]} pixels,"
+                    f" its camera {camera.width} x {camera.height}",
+                    "give the two the same size",
+                )

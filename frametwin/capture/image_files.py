@@ -1,9 +1,16 @@
-"""PNG and JPEG files with the standard library alone: their size, whether they are whole, and writing PNG."""
+"""PNG and JPEG files without a decoder: their size and whether they are whole, and PNG read, stripped and written.
+
+References
+----------
+Portable Network Graphics (PNG) Specification, third edition, W3C, 2025 (chunks: section 5; filters: section 9).
+ITU T.81, annex B (markers of JPEG files).
+"""
 
 from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +18,12 @@ import numpy as np
 from frametwin.errors import InputError
 from frametwin.files import PathLike, write_bytes
 
-_PNG = b"\x89PNG\r\n\x1a\n"
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PICTURE_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
+CHANNELS = {0: 1, 2: 3, 6: 4}
+"""Channels of the colour types that `decode_png` reads: grey, RGB and RGBA."""
+
+NONE, SUB, UP, AVERAGE, PAETH = range(5)
 _JPEG = b"\xff\xd8\xff"
 _JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # start-of-frame markers
 _REMEDY = "save the picture again, as PNG or JPEG"
@@ -57,11 +69,11 @@ def image_size(path: PathLike, data: bytes | None = None) -> tuple[int, int]:
         If the file is missing, not a PNG or JPEG, cut short, or (PNG) has a wrong checksum.
     """
     data = read_image_bytes(path) if data is None else data
-    if data.startswith(_PNG):
+    if data.startswith(SIGNATURE):
         return _png_size(path, data)
     if data.startswith(_JPEG):
         return _jpeg_size(path, data)
-    if _PNG.startswith(data) or _JPEG.startswith(data):
+    if SIGNATURE.startswith(data) or _JPEG.startswith(data):
         raise _cut(path)
     raise InputError.at(path, "image", "is not a PNG or JPEG picture", _REMEDY)
 
@@ -70,31 +82,12 @@ def _cut(path: PathLike) -> InputError:
     return InputError.at(path, "image", "the picture is cut short", "copy or save it again, whole")
 
 
-def _png_size(path: PathLike, data: bytes) -> tuple[int, int]:
-    """Walk the chunks (PNG specification, section 5): length, type, content, checksum, up to IEND."""
-    position, size = len(_PNG), None
-    while True:
-        if position + 12 > len(data):
-            raise _cut(path)
-        (length,) = struct.unpack_from(">I", data, position)
-        end = position + 12 + length
-        if end > len(data):
-            raise _cut(path)
-        kind = data[position + 4 : position + 8]
-        (checksum,) = struct.unpack_from(">I", data, end - 4)
-        if zlib.crc32(data[position + 4 : end - 4]) != checksum:
-            raise InputError.at(path, "image", "the picture is damaged (wrong checksum)", _REMEDY)
-        if size is None:
-            if kind != b"IHDR" or length != 13:
-                raise InputError.at(path, "image", "the picture is damaged (no header)", _REMEDY)
-            size = struct.unpack_from(">II", data, position + 8)
-        if kind == b"IEND":
-            return size
-        position = end
+def _damaged(path: PathLike, why: str) -> InputError:
+    return InputError.at(path, "image", f"the picture is damaged ({why})", _REMEDY)
 
 
 def _jpeg_size(path: PathLike, data: bytes) -> tuple[int, int]:
-    """Walk the marker segments (ITU T.81, annex B) to the scan, and look for the end marker after it."""
+    """Walk the marker segments to the scan, and look for the end marker after it."""
     position, size = 2, None
     while True:
         while data[position : position + 2] == b"\xff\xff":  # fill bytes
@@ -102,7 +95,7 @@ def _jpeg_size(path: PathLike, data: bytes) -> tuple[int, int]:
         if position + 4 > len(data):
             raise _cut(path)
         if data[position] != 0xFF:
-            raise InputError.at(path, "image", "the picture is damaged (no marker where one belongs)", _REMEDY)
+            raise _damaged(path, "no marker where one belongs")
         marker = data[position + 1]
         (length,) = struct.unpack_from(">H", data, position + 2)
         if position + 2 + length > len(data):
@@ -114,10 +107,151 @@ def _jpeg_size(path: PathLike, data: bytes) -> tuple[int, int]:
         if marker == 0xDA:
             break
     if size is None:
-        raise InputError.at(path, "image", "the picture is damaged (no size before the data)", _REMEDY)
+        raise _damaged(path, "no size before the data")
     if data.find(b"\xff\xd9", position) < 0:
         raise _cut(path)
     return size
+
+
+def _png_chunks(data: bytes, path: PathLike) -> Iterator[tuple[bytes, memoryview]]:
+    """Kind and bytes of each chunk from the header to the end: length, kind, content, checksum."""
+    if not data.startswith(SIGNATURE):
+        raise InputError.at(path, "image", "is not a PNG picture", _REMEDY)
+    view, position, kind = memoryview(data), len(SIGNATURE), b""
+    while kind != b"IEND":
+        if position + 12 > len(data):
+            raise _cut(path)
+        (length,) = struct.unpack_from(">I", data, position)
+        end = position + 12 + length
+        if end > len(data):
+            raise _cut(path)
+        kind = data[position + 4 : position + 8]
+        (checksum,) = struct.unpack_from(">I", data, end - 4)
+        if zlib.crc32(view[position + 4 : end - 4]) != checksum:
+            raise _damaged(path, "wrong checksum")
+        if position == len(SIGNATURE) and (kind != b"IHDR" or length != 13):
+            raise _damaged(path, "no header")
+        yield kind, view[position:end]
+        position = end
+
+
+def _png_size(path: PathLike, data: bytes) -> tuple[int, int]:
+    """Width and height from the header, once all chunks have been walked."""
+    header = [chunk for _, chunk in _png_chunks(data, path)][0]
+    width, height = struct.unpack_from(">II", header, 8)
+    return width, height
+
+
+def strip_png(data: bytes, path: PathLike = "picture") -> bytes:
+    """The same picture without date, program and other remarks: its pixels are not encoded anew.
+
+    Parameters
+    ----------
+    data
+        The bytes of a PNG file.
+    path
+        What to call it in messages.
+
+    Raises
+    ------
+    InputError
+        If it is no PNG, cut short or damaged.
+    """
+    kept = [chunk for kind, chunk in _png_chunks(data, path) if kind in PICTURE_CHUNKS]
+    return SIGNATURE + b"".join(bytes(chunk) for chunk in kept)
+
+
+def decode_png(data: bytes, path: PathLike = "picture") -> np.ndarray:
+    """Pixels of a PNG with 8 bits a channel, grey, RGB or RGBA, not interlaced.
+
+    Parameters
+    ----------
+    data
+        The bytes of the file.
+    path
+        What to call it in messages.
+
+    Returns
+    -------
+    (H, W), (H, W, 3) or (H, W, 4) uint8.
+
+    Raises
+    ------
+    InputError
+        If it is no PNG, cut short or damaged, or of a kind that is not read.
+    """
+    chunks = list(_png_chunks(data, path))
+    width, height, depth, colour, _, _, interlaced = struct.unpack_from(">IIBBBBB", chunks[0][1], 8)
+    if depth != 8 or colour not in CHANNELS or interlaced:
+        raise InputError.at(
+            path, "image", "is no plain PNG", "save it as grey, RGB or RGBA with 8 bits a channel, not interlaced"
+        )
+    try:
+        body = zlib.decompress(b"".join(chunk[8:-4] for kind, chunk in chunks if kind == b"IDAT"))
+    except zlib.error as error:
+        raise _damaged(path, "its pixels cannot be unpacked") from error
+    channels = CHANNELS[colour]
+    rows = np.frombuffer(body, dtype=np.uint8)
+    if width == 0 or height == 0 or rows.size != height * (1 + width * channels):
+        raise _damaged(path, "pixels are missing")
+    rows = rows.reshape(height, 1 + width * channels)
+    if rows[:, 0].max() > PAETH:
+        raise _damaged(path, "unknown filter")
+    pixels = _unfilter(rows[:, 0], rows[:, 1:], channels)
+    return pixels.reshape((height, width) if channels == 1 else (height, width, channels))
+
+
+def _unfilter(filters: np.ndarray, rows: np.ndarray, channels: int) -> np.ndarray:
+    """Undo the filters (H,) of rows (H, W * channels): runs of rows with one filter at a time."""
+    result = np.empty_like(rows)
+    above = np.zeros(rows.shape[1], dtype=np.uint8)
+    starts = np.flatnonzero(np.diff(filters, prepend=255))
+    for first, last in zip(starts, [*starts[1:], len(rows)], strict=True):
+        kind, block, out = filters[first], rows[first:last], result[first:last]
+        if kind == NONE:
+            out[:] = block
+        elif kind == SUB:  # bytes wrap around, and so does their cumulative sum
+            shaped = block.reshape(len(block), -1, channels)
+            np.cumsum(shaped, axis=1, dtype=np.uint8, out=out.reshape(shaped.shape))
+        elif kind == UP:
+            np.cumsum(block, axis=0, dtype=np.uint8, out=out)
+            out += above
+        else:
+            undo = _average if kind == AVERAGE else _paeth
+            for i, row in enumerate(block):
+                for c in range(channels):
+                    out[i, c::channels] = undo(row[c::channels], above[c::channels])
+                above = out[i]
+        above = result[last - 1]
+    return result
+
+
+def _average(row: np.ndarray, above: np.ndarray) -> list[int]:
+    """Each byte of one channel after the one to its left, in plain integers."""
+    left, done = 0, []
+    for value, up in zip(row.tolist(), above.tolist(), strict=True):
+        left = (value + ((left + up) >> 1)) & 255
+        done.append(left)
+    return done
+
+
+def _paeth(row: np.ndarray, above: np.ndarray) -> np.ndarray:
+    """The same for Paeth's filter.
+
+    Where nothing is stored and the byte above equals the one to its left, a byte is what its left neighbour is. Only
+    the others are visited, which are few in masks.
+    """
+    diagonal = np.concatenate([np.zeros(1, dtype=np.uint8), above[:-1]])
+    places = np.flatnonzero((row != 0) | (above != diagonal))
+    left, done = 0, [0]
+    for value, up, corner in zip(row[places].tolist(), above[places].tolist(), diagonal[places].tolist(), strict=True):
+        # How far left + up - corner is from each of the three.
+        to_left, to_up, to_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
+        next_best = up if to_up <= to_corner else corner
+        guess = left if to_left <= to_up and to_left <= to_corner else next_best
+        left = (value + guess) & 255
+        done.append(left)
+    return np.repeat(np.array(done, dtype=np.uint8), np.diff(places, prepend=0, append=row.size))
 
 
 def encode_png(image: np.ndarray, noisy: bool = False) -> bytes:
@@ -153,7 +287,7 @@ def encode_png(image: np.ndarray, noisy: bool = False) -> bytes:
     strategy = zlib.Z_HUFFMAN_ONLY if noisy else zlib.Z_DEFAULT_STRATEGY
     packer = zlib.compressobj(6, zlib.DEFLATED, zlib.MAX_WBITS, zlib.DEF_MEM_LEVEL, strategy)
     body = packer.compress(filtered.tobytes()) + packer.flush()
-    return _PNG + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+    return SIGNATURE + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
 
 
 def write_png(path: PathLike, image: np.ndarray) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.ranges import check_settings, in_words, within
 
 FORMAT = "frametwin-scene"
 VERSION = 1
@@ -25,6 +26,10 @@ WORKBENCH_WORKS = "FRAMETWIN_WORKBENCH"
 ``0`` where it does not."""
 
 FORBIDDEN_IN_NAMES = '<>:"/\\|?*'
+
+
+_Channel = Annotated[float, within(0.0, 1.0)]
+Colour = Annotated[tuple[_Channel, _Channel, _Channel], in_words("three numbers from 0 to 1")]
 
 
 @dataclass(frozen=True)
@@ -67,52 +72,26 @@ class PhotoLook:
         Of the paths and of the sensor noise, together with the number of the view; 0..2147483647.
     """
 
-    strut_colour: tuple[float, float, float] = (0.78, 0.78, 0.76)
-    strut_roughness: float = 0.55
-    layer_height: float = 0.4
-    layer_bump: float = 0.25
-    layer_colour: float = 0.06
-    table_colour: tuple[float, float, float] = (0.006, 0.035, 0.20)
-    table_roughness: float = 0.7
-    key: float = 1.6
-    rim: float = 0.7
-    fill: float = 0.55
-    light_azimuth: float = 30.0
-    exposure: float = 0.0
-    electrons: float = 8000.0
-    read_noise: float = 12.0
-    samples: int = 8
+    strut_colour: Colour = (0.78, 0.78, 0.76)
+    strut_roughness: Annotated[float, within(0.0, 1.0)] = 0.55
+    layer_height: Annotated[float, within(0.02, 10.0)] = 0.4
+    layer_bump: Annotated[float, within(0.0, 1.0)] = 0.25
+    layer_colour: Annotated[float, within(0.0, 0.5)] = 0.06
+    table_colour: Colour = (0.006, 0.035, 0.20)
+    table_roughness: Annotated[float, within(0.0, 1.0)] = 0.7
+    key: Annotated[float, within(0.0, 10.0)] = 1.6
+    rim: Annotated[float, within(0.0, 10.0)] = 0.7
+    fill: Annotated[float, within(0.0, 3.0)] = 0.55
+    light_azimuth: Annotated[float, within(-3600.0, 3600.0)] = 30.0
+    exposure: Annotated[float, within(-5.0, 5.0)] = 0.0
+    electrons: Annotated[float, within(100.0, 1e6)] = 8000.0
+    read_noise: Annotated[float, within(0.0, 1000.0)] = 12.0
+    samples: Annotated[int, within(1, 4096)] = 8
     denoise: bool = True
-    seed: int = 0
+    seed: Annotated[int, within(0, 2**31 - 1)] = 0
 
     def __post_init__(self) -> None:
-        ranges: dict[str, tuple[float, float]] = {
-            "strut_colour": (0.0, 1.0),
-            "strut_roughness": (0.0, 1.0),
-            "layer_height": (0.02, 10.0),
-            "layer_bump": (0.0, 1.0),
-            "layer_colour": (0.0, 0.5),
-            "table_colour": (0.0, 1.0),
-            "table_roughness": (0.0, 1.0),
-            "key": (0.0, 10.0),
-            "rim": (0.0, 10.0),
-            "fill": (0.0, 3.0),
-            "light_azimuth": (-3600.0, 3600.0),
-            "exposure": (-5.0, 5.0),
-            "electrons": (100.0, 1e6),
-            "read_noise": (0.0, 1000.0),
-            "samples": (1, 4096),
-            "seed": (0, 2**31 - 1),
-        }
-        for field, (low, high) in ranges.items():
-            colour, whole = field.endswith("_colour") and field != "layer_colour", field in ("samples", "seed")
-            value = checked_array(getattr(self, field), "i" if whole else "f", (3,) if colour else (), "look", field)
-            if not np.all((value >= low) & (value <= high)):
-                raise InputError.at(
-                    "look", field, f"is {getattr(self, field)!r}", f"give values from {low:g} to {high:g}"
-                )
-            object.__setattr__(self, field, tuple(value.tolist()) if colour else value.item())
-        object.__setattr__(self, "denoise", bool(checked_array(self.denoise, "b", (), "look", "denoise")))
+        check_settings(self, "look")
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,9 +221,9 @@ def from_dict(data: dict[str, Any], path: PathLike) -> Scene:
             look=PhotoLook(**look),
         )
     except InputError as error:
-        if str(error).startswith(str(path)):
+        if error.source == str(path):
             raise
-        raise InputError(f"{path}: {error}") from error
+        raise error.inside(path) from error
 
 
 def _object(data: dict[str, Any], key: str, path: PathLike) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import chords_needed, second_derivative_bound
 from frametwin.geometry.radii import radii_at
 from frametwin.geometry.rotation_frames import rotation_minimising_frames
 from frametwin.geometry.wireframe import Wireframe
@@ -250,9 +251,7 @@ def sub_curves(control_points: np.ndarray, interval: np.ndarray) -> np.ndarray:
 
 def _segments(control: np.ndarray, present: np.ndarray, thickness: np.ndarray, chord: float) -> np.ndarray:
     """(E,) number of straight pieces of each tube."""
-    # A chord over the parameter step h leaves the curve by at most h^2 / 8 times the second derivative.
-    second = 6.0 * np.linalg.norm(np.diff(control, n=2, axis=1), axis=2).max(axis=1, initial=0.0)
-    segments = np.maximum(1, np.ceil(np.sqrt(second / (8.0 * chord)))).astype(np.int64)
+    segments = np.maximum(1, np.ceil(chords_needed(control, chord))).astype(np.int64)
     # A strut whose radius has kinks gets a ring at each of them.
     kinks = np.abs(np.diff(thickness, n=2, axis=1)).max(axis=1, initial=0.0) > 1e-6 * thickness.max(axis=1)
     intervals = thickness.shape[1] - 1
@@ -260,7 +259,8 @@ def _segments(control: np.ndarray, present: np.ndarray, thickness: np.ndarray, c
     needed = np.where(whole, intervals, KINK_PIECES * intervals)
     # A straight line that is run through at an uneven pace must follow the radius as well.
     taper = np.ptp(thickness, axis=1) > 1e-6 * thickness.max(axis=1)
-    uneven = taper & (second > 1e-6 * np.linalg.norm(control[:, 3] - control[:, 0], axis=1))
+    length = np.linalg.norm(control[:, 3] - control[:, 0], axis=1)
+    uneven = taper & (second_derivative_bound(control) > 1e-6 * length)
     segments = np.where(uneven, np.maximum(segments, KINK_PIECES), segments)
     segments = np.where(kinks, -(-segments // needed) * needed, segments)
     return np.minimum(segments, np.maximum(MOST_SEGMENTS, np.where(kinks, needed, 0)))

@@ -64,25 +64,37 @@ def quiet_option(function: Function) -> Function:
     return click.option("--quiet", is_flag=True, help="Show no progress on standard error.")(function)
 
 
+def workers_option(function: Function) -> Function:
+    """Add ``--workers``."""
+    return click.option(
+        "--workers",
+        type=click.IntRange(1, 1024),
+        default=1,
+        show_default=True,
+        help="Processes on this machine (Dask).",
+    )(function)
+
+
+def scheduler_option(function: Function) -> Function:
+    """Add ``--scheduler``."""
+    return click.option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="A Dask scheduler that exists, as tcp://10.0.0.1:8786; its workers need the project installed and the"
+        " same folders.",
+    )(function)
+
+
 def overwrite_option(what: str) -> Callable[[Function], Function]:
     """Add ``--overwrite``."""
     return click.option("--overwrite", is_flag=True, help=f"Replace {what} if it exists already.")
 
 
 def load_frame(name: str) -> Wireframe:
-    """Read a frame file or a folder with one, or build a frame of the project's own by its name.
+    """See `frametwin.formats.find_frame`."""
+    from frametwin.formats import find_frame
 
-    Raises
-    ------
-    InputError
-        If it is neither.
-    """
-    from frametwin.formats import read_frame
-    from frametwin.geometry.parametric import FRAMES, named_frame
-
-    if Path(name).exists() or name not in FRAMES:
-        return read_frame(name)
-    return named_frame(name)
+    return find_frame(name)
 
 
 def check_output_folder(path: Path, overwrite: bool, mark: str) -> None:
@@ -119,10 +131,3 @@ def print_facts(title: str, facts: Sequence[tuple[str, str]]) -> None:
     width = max(len(name) for name, _ in facts)
     for name, value in facts:
         click.echo(f"  {name:<{width}}  {value}")
-
-
-def listed(indices: Sequence[int], most: int = 20) -> str:
-    """Indices as text; beyond ``most`` only how many more there are."""
-    shown = ", ".join(str(int(i)) for i in indices[:most])
-    more = len(indices) - most
-    return f"{shown} and {more} more" if more > 0 else shown or "none"

@@ -8,12 +8,21 @@ from typing import Any
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, listed, print_facts, print_json, quiet_option
+from frametwin.cli.common import (
+    FOLDER,
+    json_option,
+    print_facts,
+    print_json,
+    quiet_option,
+    scheduler_option,
+    workers_option,
+)
 from frametwin.cli.dataset_checks import validate_command
 from frametwin.cli.dataset_export import export_command
 from frametwin.cli.dataset_fit import fit_command
 from frametwin.cli.dataset_view import view_command
 from frametwin.cli.display import Display
+from frametwin.wording import shortened
 
 
 class Shard(click.ParamType):
@@ -55,15 +64,8 @@ def command() -> None:
 @click.option(
     "--shard", type=Shard(), default="1/1", help="Make only every n-th sample, from the i-th on; for render farms."
 )
-@click.option(
-    "--workers", type=click.IntRange(1, 1024), default=1, show_default=True, help="Processes on this machine (Dask)."
-)
-@click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="A Dask scheduler that exists, as tcp://10.0.0.1:8786; its workers need the project installed and the same"
-    " folders.",
-)
+@workers_option
+@scheduler_option
 @click.option(
     "--per-process",
     type=click.IntRange(1),
@@ -98,7 +100,7 @@ def generate_command(recipe: Path, out: Path, quiet: bool, as_json: bool, **sett
         ("there already", f"{len(report.kept)}"),
     ]
     if report.busy:
-        facts.append(("left to another run", listed(report.busy)))
+        facts.append(("left to another run", shortened(report.busy)))
     facts.append(("next", f"frametwin dataset validate {out}"))
     print_facts(f"dataset: {out}", facts)
     for index, reason in sorted((i, text) for i, text in report.damaged.items() if i in report.made):

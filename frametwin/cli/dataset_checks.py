@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, print_json, quiet_option
+from frametwin.cli.common import FOLDER, json_option, print_json, quiet_option, scheduler_option, workers_option
 from frametwin.cli.display import Display
 
 MOST_PROBLEMS = 5
@@ -16,10 +16,8 @@ MOST_PROBLEMS = 5
 @click.command("validate", short_help="Check every file, camera, curve and picture of a dataset.")
 @click.argument("folder", type=FOLDER, metavar="DIR")
 @click.option("--partial", is_flag=True, help="Samples may be absent, as in one shard of several.")
-@click.option(
-    "--workers", type=click.IntRange(1, 1024), default=1, show_default=True, help="Processes on this machine (Dask)."
-)
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler that exists, as tcp://10.0.0.1:8786.")
+@workers_option
+@scheduler_option
 @quiet_option
 @json_option
 def validate_command(

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, print_json, print_table, quiet_option
+from frametwin.cli.common import (
+    FOLDER,
+    json_option,
+    print_json,
+    print_table,
+    quiet_option,
+    scheduler_option,
+    workers_option,
+)
 from frametwin.cli.display import Display
 from frametwin.cli.fit import PRESETS, parse_changes
 
@@ -32,10 +40,8 @@ FIGURES = ("curves_mean", "curves_p95", "curves_max", "joints_mean", "joints_max
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of what the preset draws.")
 @click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="Change a setting; see frametwin fit.")
 @click.option("--again", is_flag=True, help="Fit samples again that have been fitted with the same settings.")
-@click.option(
-    "--workers", type=click.IntRange(1, 1024), default=1, show_default=True, help="Processes on this machine (Dask)."
-)
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler that exists, as tcp://10.0.0.1:8786.")
+@workers_option
+@scheduler_option
 @quiet_option
 @json_option
 def fit_command(folder: Path, quiet: bool, as_json: bool, **options: Any) -> int:

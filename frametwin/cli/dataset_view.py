@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option
+from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option, workers_option
 from frametwin.cli.display import Display
 
 
@@ -18,9 +18,7 @@ from frametwin.cli.display import Display
     metavar="FILE",
     help="The page to write; its pictures go beside it.  [default: DIR/index.html]",
 )
-@click.option(
-    "--workers", type=click.IntRange(1, 1024), default=1, show_default=True, help="Processes on this machine (Dask)."
-)
+@workers_option
 @quiet_option
 @json_option
 def view_command(folder: Path, out: Path | None, workers: int, quiet: bool, as_json: bool) -> None:

@@ -227,7 +227,7 @@ def _rendered(simulation: Simulation, display: Display) -> tuple[Simulation, str
     import numpy as np
 
     from frametwin.blender.rendering.client import render_in_child
-    from frametwin.capture.png import decode_png
+    from frametwin.capture.image_files import decode_png
     from frametwin.capture.scene import Scene
 
     thickness = np.repeat(simulation.truth.radius[:, None], 2, axis=1)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, listed, print_json, print_table
+from frametwin.cli.common import FOLDER, json_option, print_json, print_table
+from frametwin.wording import shortened
 
 if TYPE_CHECKING:
     from frametwin.evaluation.evaluate import Errors
@@ -81,8 +82,8 @@ def describe_detection(detection: Detection) -> str:
     count = len(detection.found) + len(detection.overlooked)
     text = f"Missing struts: {len(detection.found)} of {count} found"
     if len(detection.overlooked):
-        text += f" (overlooked {listed(detection.overlooked.tolist())})"
-    suspected = listed(detection.false.tolist())
+        text += f" (overlooked {shortened(detection.overlooked.tolist())})"
+    suspected = shortened(detection.false.tolist())
     return f"{text}, {len(detection.false)} suspected in error" + (f" ({suspected})." if len(detection.false) else ".")
 
 

@@ -14,7 +14,6 @@ from frametwin.cli.common import (
     FOLDER,
     check_output_folder,
     json_option,
-    listed,
     overwrite_option,
     print_facts,
     print_json,
@@ -22,9 +21,15 @@ from frametwin.cli.common import (
 )
 from frametwin.cli.display import Display
 from frametwin.errors import InputError
+from frametwin.twin.verdict import WRONG
+from frametwin.wording import shortened
 
 if TYPE_CHECKING:
     pass
+
+CAMERAS = ("auto", "exact")
+HOLDS = ("auto", "feet", "cameras")
+"""As `frametwin.fitting.fast_settings`."""
 
 PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven")
 """As `frametwin.fitting.api.PRESETS`, which takes seconds to import."""
@@ -62,6 +67,22 @@ PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven
     metavar="RUN",
     help="Start from the field of an earlier run of the same frame, such as that of the last batch.",
 )
+@click.option(
+    "--cameras",
+    type=click.Choice(CAMERAS),
+    default="auto",
+    show_default=True,
+    help="Whether cameras may be a little elsewhere than the capture says: auto lets them move within the errors of a"
+    " usual calibration where the pictures ask for it, exact believes them to the last digit. Preset fast only.",
+)
+@click.option(
+    "--anchor",
+    type=click.Choice(HOLDS),
+    default="auto",
+    show_default=True,
+    help="What holds the world when cameras move: the feet on the plate, the cameras, or whichever is more probable.",
+)
+@click.option("--strict", is_flag=True, help="Exit with 3 if the verdict on the twin is wrong.")
 @overwrite_option("RUN")
 @quiet_option
 @json_option
@@ -95,6 +116,9 @@ class FitOptions:
     seed: int
     assignments: tuple[str, ...]
     warm_start: Path | None
+    cameras: str
+    anchor: str
+    strict: bool
     overwrite: bool
     quiet: bool
     as_json: bool
@@ -108,6 +132,8 @@ def _fit(options: FitOptions) -> None:
 
     preset, seed = options.preset, options.seed
     changes = parse_changes(options.assignments, settings_of(preset, seed))
+    changes |= camera_changes(options)
+    settings_of(preset, seed, changes)  # refuses what is wrong before the capture is read
     capture = read_capture(options.capture)
     with Display(options.quiet) as display:
         result = fit_capture(
@@ -119,18 +145,39 @@ def _fit(options: FitOptions) -> None:
         print_json({"out": options.out, "preset": preset, "views": len(capture.views), **data})
     else:
         print_facts(f"run: {options.out}", summary_facts(data, len(capture.views)))
+    if options.strict and data["verdict"]["status"] == WRONG:
+        raise SystemExit(3)
+
+
+def camera_changes(options: FitOptions) -> dict[str, Any]:
+    """Settings of the fast fit for the options of the command.
+
+    Raises
+    ------
+    InputError
+        If another preset is asked for what only the fast one does.
+    """
+    wanted = {
+        name: value for name, value in (("cameras", options.cameras), ("hold", options.anchor)) if value != "auto"
+    }
+    if wanted and options.preset != "fast":
+        problem = f"the preset {options.preset} takes the cameras as they are"
+        raise InputError.at("--cameras", "preset", problem, "use the preset fast, or leave --cameras and --anchor out")
+    return wanted
 
 
 def summary_facts(data: dict[str, Any], views: int) -> list[tuple[str, str]]:
     """The same for people."""
     there = [f"{item['strut']} ({item['completeness']:.0%} there)" for item in data["missing"]]
-    more = [f"and {len(there) - 20} more"] if len(there) > 20 else []
     facts = [
         ("frame", f"{data['frame']}, {data['printed']} of {data['struts']} struts printed, {views} views"),
-        ("missing struts", ", ".join([*there[:20], *more]) or "none"),
-        ("uncertain struts", listed([item["strut"] for item in data["uncertain"]])),
+        ("missing struts", shortened(there)),
+        ("uncertain struts", shortened([item["strut"] for item in data["uncertain"]])),
+        ("verdict", "; ".join([data["verdict"]["status"], *data["verdict"]["reasons"]])),
         ("time", f"{data['seconds']:.1f} s"),
     ]
+    if data["sigma"] is not None:
+        facts.insert(3, ("typical strut", f"within {2.0 * data['sigma']:.3f} mm (two standard deviations)"))
     if data["loss"] is not None:
         facts.append(("loss", f"{data['loss']:.4g}"))
     return facts

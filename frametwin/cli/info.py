@@ -9,11 +9,11 @@ import click
 
 from frametwin.cli.common import (
     json_option,
-    listed,
     load_frame,
     print_facts,
     print_json,
 )
+from frametwin.wording import shortened
 
 if TYPE_CHECKING:
     import numpy as np
@@ -155,6 +155,6 @@ def _text(key: str, value: Any) -> str:
     if isinstance(value, list):
         if not value or isinstance(value[0], str):
             return ", ".join(value) or "none"
-        return f"{len(value)} ({listed(value)})"
+        return f"{len(value)} ({shortened(value)})"
     number = f"{value:.4g}" if isinstance(value, float) else str(value)
     return f"{number} {_UNITS[key]}" if key in _UNITS else number

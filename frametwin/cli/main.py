@@ -15,7 +15,8 @@ from frametwin.errors import Cancelled, FrameTwinError, InputError
 COMMANDS = ("demo", "simulate", "fit", "evaluate", "print", "dataset", "convert", "info")
 """In the order in which they are listed; each is a module of this package with a ``command``."""
 
-DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, WRONG_INPUT, INTERRUPTED = 0, InputError.exit_code, Cancelled.exit_code
+"""Other errors bring their exit codes with them; see `frametwin.errors`."""
 
 
 class Commands(click.Group):
@@ -53,10 +54,8 @@ class Commands(click.Group):
             return _say(error.format_message(), error.exit_code)
         except (Cancelled, KeyboardInterrupt, click.Abort):
             return _say("Interrupted.", INTERRUPTED)
-        except InputError as error:
-            return _say(str(error), WRONG_INPUT)
         except FrameTwinError as error:
-            return _say(str(error), FAILED)
+            return _say(str(error), error.exit_code)
         except Exception:
             if not interrupts.requested():
                 raise
@@ -96,8 +95,15 @@ def cli() -> None:
     plan (frame.json), the cameras (transforms.json) and the pictures (images/). A RUN is the folder that a
     fit writes: the digital twin (twin.json) and the field of its deformation. Lengths are in mm.
 
-    Exit codes: 0 done, 2 something about the input (one sentence on standard error says what and what to
-    do), 130 interrupted. Output folders are written whole or not at all.
+    \b
+    Exit codes (from 1 to 3, one sentence on standard error says what is wrong and what to do):
+      0    done
+      1    failed
+      2    the input or the command line cannot be used
+      3    a print job holds: look at the print before you print on
+      130  interrupted
+
+    Output folders are written whole or not at all.
     """
 
 

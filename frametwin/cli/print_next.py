@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, listed, print_facts, print_json, quiet_option
+from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option
 from frametwin.cli.display import Display
 from frametwin.cli.print_common import accept_option
+from frametwin.wording import shortened
 
 if TYPE_CHECKING:
     from frametwin.printing.job.job import Job
@@ -43,6 +44,9 @@ def next_command(
     The job stops in one sentence, and nothing is written, where printing on would build on something else than what is
     there: pictures of another batch or old ones, struts that are lost where others start, a twin that the views do
     not determine there, or that does not fit the pictures. --accept KIND goes on all the same.
+
+    Exit codes: 0 answered, 1 failed, 2 the capture or the command line cannot be used, 3 the job holds (see above),
+    130 interrupted.
 
     \b
     Examples:
@@ -87,7 +91,8 @@ def watch_command(
 
     A folder is taken when transforms.json and all the pictures it names are there and have stopped growing. One that
     cannot be used, or with which the job holds (see frametwin print next --help), is told of and left alone until
-    it changes; nothing is printed on meanwhile. Ctrl-C stops at once, and the same command goes on.
+    it changes; nothing is printed on meanwhile. Ctrl-C stops at once, and the same command goes on. The exit code is 0
+    when the print is finished, whatever was passed over, and 130 after Ctrl-C.
 
     \b
     Example:
@@ -115,7 +120,7 @@ def answer_facts(job: Job, report: dict[str, Any]) -> list[tuple[str, str]]:
     """The same for people."""
     facts = [
         ("struts", f"{len(report['laid'])} laid, {report['standing']} of {job.design.strut_count} stand"),
-        ("lost", listed(report["lost"]) + (", laid again next" if report["again"] else "")),
+        ("lost", shortened(report["lost"]) + (", laid again next" if report["again"] else "")),
         ("from the design", f"{report['e_max']:.2f} mm at most"),
     ]
     twin = report.get("twin")

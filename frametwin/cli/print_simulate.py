@@ -165,7 +165,7 @@ def _tell(out: Path, simulated: SimulatedPrint) -> None:
     print_table(f"{name}, printed {way} adaptation", columns, rows)
     facts = [("result", verdict(simulated))]
     if simulated.held is not None:
-        facts.append(("stopped", simulated.held))
+        facts.append(("stopped", str(simulated.held)))
     facts.append(("deviation", f"{report.mean_deviation:.3f} mm on average from the design, of what stands"))
     facts.append(
         ("time", f"{sum(simulated.twin_seconds):.1f} s of twins in {sum(report.seconds) / 60.0:.0f} min of printing")

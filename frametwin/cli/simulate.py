@@ -12,7 +12,6 @@ from frametwin.cli.common import (
     Size,
     check_output_folder,
     json_option,
-    listed,
     load_frame,
     overwrite_option,
     print_facts,
@@ -20,6 +19,7 @@ from frametwin.cli.common import (
     quiet_option,
 )
 from frametwin.cli.display import Display
+from frametwin.wording import shortened
 
 
 @click.command("simulate", short_help="Make a capture of a print that has sagged, with the truth.")
@@ -117,7 +117,7 @@ def command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: bool, 
             ("frame", f"{simulation.frame.name}, {struts.sum()} of {len(struts)} struts printed"),
             ("views", f"{len(simulation.cameras)} of {height} x {width} pixels"),
             ("largest displacement", f"{simulation.peak:.4g} mm"),
-            ("missing struts", listed(missing)),
+            ("missing struts", shortened(missing)),
             ("next", f"frametwin fit {out} --out RUN"),
         ],
     )

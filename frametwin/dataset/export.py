@@ -7,20 +7,24 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
-import cv2
 import numpy as np
 
 from frametwin.cameras import to_nerfstudio, write_colmap_text
 from frametwin.capture.capture import Capture, read_capture
+from frametwin.capture.picture import Picture
 from frametwin.dataset.folder import read_dataset, sample_name
+from frametwin.dataset.hashes import REMEDY
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import InputError
 from frametwin.files import PathLike, staged_directory, write_json, write_text
 from frametwin.formats import write_frame
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.decoding import decoded
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import check_settings, one_of
 from frametwin.twin.twin import FILE_NAME as TWIN_FILE
 from frametwin.twin.twin import read_twin
 
@@ -52,15 +56,12 @@ class ExportSettings:
         If a value is not one of these.
     """
 
-    format: str
-    unit: str | None = None
+    format: Annotated[str, one_of(FORMATS)]
+    unit: Annotated[str, one_of(UNITS)] | None = None
     link: bool = False
 
     def __post_init__(self) -> None:
-        if self.format not in FORMATS:
-            raise InputError.at("settings", "format", f"is {self.format!r}", f"give one of {', '.join(FORMATS)}")
-        if self.unit is not None and self.unit not in UNITS:
-            raise InputError.at("settings", "unit", f"is {self.unit!r}", f"give one of {', '.join(UNITS)}")
+        check_settings(self)
 
     @property
     def units(self) -> str:
@@ -138,7 +139,7 @@ def export_dataset(
 def _write_nerfstudio(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
     views = []
     for view in capture.views:
-        name = _put_image(view.image, place / "images", settings)
+        name = _put_image(view.image.path, place / "images", settings)
         pose = _scaled(view.camera.camera_to_world, settings.scale)
         views.append(to_nerfstudio(replace(view.camera, camera_to_world=pose), f"images/{name}"))
     transforms = {"camera_model": "OPENCV", "ply_file_path": "plan.ply", "frames": views}
@@ -154,7 +155,7 @@ def _write_nerfstudio(capture: Capture, run: Path, place: Path, settings: Export
 def _write_colmap(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
     cameras = []
     for view in capture.views:
-        name = _put_image(view.image, place / "images", settings)
+        name = _put_image(view.image.path, place / "images", settings)
         pose = _scaled(view.camera.camera_to_world, settings.scale)
         cameras.append(replace(view.camera, name=name, camera_to_world=pose))
     model = place / "sparse" / "0"
@@ -204,7 +205,7 @@ def arrays_of(capture: Capture, scale: float = 1.0) -> dict[str, np.ndarray]:
     """
     if capture.truth is None:
         raise InputError.at(capture.root, "truth.json", "is missing", "make the sample again")
-    images = [_decoded(view.image) for view in capture.views]
+    images = [_pixels(view.image) for view in capture.views]
     if len({image.shape for image in images}) > 1:
         raise InputError.at(capture.root, "images", "are not all of one size", "export it as nerfstudio or colmap")
     cameras = [view.camera for view in capture.views]
@@ -266,8 +267,6 @@ def _put_image(image: Path, folder: Path, settings: ExportSettings) -> str:
     return image.name
 
 
-def _decoded(path: Path) -> np.ndarray:
-    image = cv2.imdecode(np.frombuffer(path.read_bytes(), dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise InputError.at(path, "image", "the picture is damaged", "make the sample again")
-    return np.asarray(image if image.ndim == 2 else image[..., 2::-1])
+def _pixels(picture: Picture) -> np.ndarray:
+    image = decoded(picture.data, picture.path, REMEDY)
+    return image if image.ndim == 2 else image[..., 2::-1]

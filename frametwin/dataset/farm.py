@@ -8,9 +8,11 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from frametwin.errors import FrameTwinError, InputError
+from frametwin.progress import Progress, ProgressCallback
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -70,6 +72,24 @@ def run_tasks(
                 client.cancel(list(futures), force=True)
             if cleanup is not None and scheduler is not None:  # workers of our own end anyway
                 client.run(cleanup, on_error="ignore")
+
+
+class SampleSteps:
+    """Shows the steps of single samples, where they are made one after the other.
+
+    Attributes
+    ----------
+    done
+        How many samples are; whoever runs them keeps count.
+    """
+
+    def __init__(self, progress: ProgressCallback | None, total: int) -> None:
+        self.progress, self.total, self.done = progress, total, 0
+
+    def __call__(self, step: Progress) -> bool | None:
+        if self.progress is None:
+            return None
+        return self.progress(replace(step, stage=f"sample {self.done + 1} of {self.total}: {step.stage}"))
 
 
 def _tried(function: Callable[[Item], Result], item: Item) -> Result | Exception:

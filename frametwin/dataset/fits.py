@@ -15,14 +15,15 @@ import numpy as np
 
 from frametwin import __version__
 from frametwin.capture.capture import Capture, read_capture
-from frametwin.dataset.farm import run_tasks
+from frametwin.dataset.farm import SampleSteps, run_tasks
 from frametwin.dataset.folder import Dataset, SampleEntry, read_dataset
 from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import Cancelled, FrameTwinError, InputError
 from frametwin.evaluation.evaluate import Errors, evaluate
-from frametwin.files import PathLike, check_format, read_json, write_json, write_text
-from frametwin.fitting.api import fit_capture, input_hashes, settings_of, write_run
+from frametwin.files import PathLike, write_json, write_text
+from frametwin.fitting.api import fit_capture, settings_of, write_run
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, check_settings
 from frametwin.twin.findings import Detection, missing_struts
 from frametwin.twin.twin import FILE_NAME as TWIN_FILE
 from frametwin.twin.twin import Twin, read_twin
@@ -43,10 +44,11 @@ class FitSettings:
     """
 
     preset: str = "fast"
-    seed: int = 0
+    seed: Seed = 0
     changes: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_settings(self)
         settings_of(self.preset, self.seed, self.changes)
 
 
@@ -135,7 +137,7 @@ def fit_dataset(
     settings = FitSettings() if settings is None else settings
     dataset = read_dataset(folder)
     total = len(dataset.samples)
-    shown = _Steps(progress, total)
+    shown = SampleSteps(progress, total)
     inside = shown if workers <= 1 and scheduler is None else None  # a callback does not reach other processes
     function = partial(fit_sample, settings=settings, again=again, progress=inside)
     tasks = [SampleTask(entry, dataset.run_folder(entry.index)) for entry in dataset.samples]
@@ -216,7 +218,7 @@ def current_twin(run: Path, capture: Capture, settings: FitSettings) -> Twin | N
         "preset": settings.preset,
         "seed": settings.seed,
         "changes": json.loads(json.dumps(dict(settings.changes))),  # tuples become lists, as in the file
-        "inputs": input_hashes(capture),
+        "inputs": capture.hashes,
     }
     return twin if all(twin.provenance.get(key) == value for key, value in wanted.items()) else None
 
@@ -295,35 +297,3 @@ def write_table(dataset: Dataset, settings: FitSettings, rows: Sequence[FitRow])
             "samples": [{name: value for name, value in asdict(row).items() if name != "kept"} for row in rows],
         },
     )
-
-
-def read_table(folder: PathLike) -> dict[int, FitRow]:
-    """The rows of ``fit.json`` by index; none if the dataset has not been fitted.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, or of another format or version.
-    """
-    path = Path(folder) / TABLE_FILE
-    if not path.is_file():
-        return {}
-    data = read_json(path)
-    check_format(data, path, FORMAT, VERSION)
-    try:
-        rows = [FitRow(**item) for item in data["samples"]]
-    except (KeyError, TypeError) as error:
-        raise InputError.at(path, "samples", f"are damaged ({error})", "fit the dataset again") from error
-    return {row.index: row for row in rows}
-
-
-class _Steps:
-    """Shows the steps of single fits, where they are made one after the other."""
-
-    def __init__(self, progress: ProgressCallback | None, total: int) -> None:
-        self.progress, self.total, self.done = progress, total, 0
-
-    def __call__(self, step: Progress) -> bool | None:
-        if self.progress is None:
-            return None
-        return self.progress(replace(step, stage=f"sample {self.done + 1} of {self.total}: {step.stage}"))

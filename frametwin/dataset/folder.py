@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from frametwin.dataset.hashes import REMEDY, FileHash, hash_file, read_bytes, sample_content
-from frametwin.dataset.json_fields import digest_of, object_of, objects_of, text_of, whole_of
+from frametwin.checked_json import Fields
+from frametwin.dataset.hashes import REMEDY, FileHash, hash_file, sample_content
 from frametwin.errors import InputError
-from frametwin.files import PathLike, check_format, read_json, write_json
+from frametwin.files import PathLike, check_format, file_hash, read_json, write_json
 
 DATASET_FORMAT, SAMPLE_FORMAT = "frametwin-dataset", "frametwin-sample"
 VERSION = 1
 DATASET_FILE, SAMPLE_FILE = "dataset.json", "sample.json"
 SAMPLES, RUNS = "samples", "runs"
+_ANEW = "generate the dataset again"
 
 
 @dataclass(frozen=True)
@@ -116,16 +116,17 @@ def read_dataset(folder: PathLike) -> Dataset:
         raise InputError.at(root, "folder", f"is no dataset (there is no {DATASET_FILE})", remedy)
     data = read_json(path)
     check_format(data, path, DATASET_FORMAT, VERSION)
-    samples = [_entry(root, item, path, f"samples[{i}]") for i, item in enumerate(objects_of(data, "samples", path))]
-    failed = [_failed(item, path, f"failed[{i}].") for i, item in enumerate(objects_of(data, "failed", path))]
+    fields = Fields(data, path, _ANEW)
+    samples = [_entry(root, item) for item in fields.objects("samples")]
+    failed = [FailedSample(item.whole("index"), item.text("reason")) for item in fields.objects("failed")]
     _check_distinct([entry.index for entry in samples] + [entry.index for entry in failed], path)
     return Dataset(
         folder=root,
-        name=text_of(data, "name", path),
-        description=text_of(data, "description", path),
-        recipe=object_of(data, "recipe", path),
-        seed=whole_of(data, "seed", path),
-        count=whole_of(data, "count", path),
+        name=fields.text("name"),
+        description=fields.text("description"),
+        recipe=fields.object("recipe"),
+        seed=fields.whole("seed"),
+        count=fields.whole("count"),
         samples=tuple(sorted(samples, key=lambda entry: entry.index)),
         failed=tuple(sorted(failed, key=lambda entry: entry.index)),
     )
@@ -217,14 +218,15 @@ def read_sample(folder: PathLike) -> Sample:
     path = root / SAMPLE_FILE
     data = read_json(path)
     check_format(data, path, SAMPLE_FORMAT, VERSION)
-    files = object_of(data, "files", path)
+    fields = Fields(data, path, _ANEW)
+    files = fields.object("files")
     return Sample(
         folder=root,
-        index=whole_of(data, "index", path),
-        specification=object_of(data, "specification", path),
-        content=digest_of(data, "content", path),
+        index=fields.whole("index"),
+        specification=fields.object("specification"),
+        content=fields.digest("content"),
         files={_file_name(name, path): _file_hash(entry, path, name) for name, entry in files.items()},
-        made_with=object_of(data, "made_with", path),
+        made_with=fields.object("made_with"),
     )
 
 
@@ -305,7 +307,7 @@ def _bytes_problems(root: Path, name: str, noted: FileHash) -> list[str]:
         size = (root / name).stat().st_size
         if size != noted.bytes:
             return [f"{name} has {size} bytes where {SAMPLE_FILE} says {noted.bytes}"]
-        if hashlib.sha256(read_bytes(root / name)).hexdigest() != noted.sha256:
+        if file_hash(root / name, REMEDY) != noted.sha256:
             return [f"{name} has changed since the sample was made (another SHA-256)"]
     except (OSError, InputError) as error:
         return [f"{name} cannot be read ({error})"]
@@ -315,20 +317,16 @@ def _bytes_problems(root: Path, name: str, noted: FileHash) -> list[str]:
 def _check_distinct(indices: Sequence[int], path: Path) -> None:
     if len(set(indices)) < len(indices):
         double = next(index for index in indices if indices.count(index) > 1)
-        raise InputError.at(path, "samples", f"hold index {double} twice", "generate the dataset again")
+        raise InputError.at(path, "samples", f"hold index {double} twice", _ANEW)
 
 
-def _failed(item: Mapping[str, Any], path: Path, prefix: str) -> FailedSample:
-    return FailedSample(whole_of(item, "index", path, prefix), text_of(item, "reason", path, prefix))
-
-
-def _entry(root: Path, item: Mapping[str, Any], path: Path, field: str) -> SampleEntry:
-    index = whole_of(item, "index", path, f"{field}.")
-    name = text_of(item, "folder", path, f"{field}.")
+def _entry(root: Path, item: Fields) -> SampleEntry:
+    index, name = item.whole("index"), item.text("folder")
     parts = PurePosixPath(name).parts
     if len(parts) != 2 or parts[0] != SAMPLES or ".." in parts or "\\" in name or ":" in name:
-        raise InputError.at(path, f"{field}.folder", f"is {name!r}", f"write {SAMPLES}/{sample_name(index)}")
-    return SampleEntry(index, root / name, digest_of(item, "content", path, f"{field}."))
+        remedy = f"write {SAMPLES}/{sample_name(index)}"
+        raise InputError.at(item.source, f"{item.prefix}folder", f"is {name!r}", remedy)
+    return SampleEntry(index, root / name, item.digest("content"))
 
 
 def _file_name(name: str, path: Path) -> str:
@@ -341,9 +339,5 @@ def _file_name(name: str, path: Path) -> str:
 def _file_hash(entry: Any, path: Path, name: str) -> FileHash:
     if not isinstance(entry, dict):
         raise InputError.at(path, f"files[{name!r}]", "is not an object", REMEDY)
-    prefix = f"files[{name!r}]."
-    return FileHash(
-        bytes=whole_of(entry, "bytes", path, prefix),
-        sha256=digest_of(entry, "sha256", path, prefix),
-        content=digest_of(entry, "content", path, prefix),
-    )
+    fields = Fields(entry, path, _ANEW, f"files[{name!r}].")
+    return FileHash(bytes=fields.whole("bytes"), sha256=fields.digest("sha256"), content=fields.digest("content"))

@@ -6,13 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
+from typing import Annotated
 
 from frametwin.blender.rendering.client import blender_is_here
 from frametwin.dataset.children import Task, close_idle, make_sample
-from frametwin.dataset.farm import run_tasks
+from frametwin.dataset.farm import SampleSteps, run_tasks
 from frametwin.dataset.run import Busy, DatasetRun
 from frametwin.errors import Cancelled, InputError
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, at_least, check_settings, in_words, rising, within
 
 PER_PROCESS = 25
 """Samples that one process makes before a fresh one takes over: Blender's memory grows with every scene."""
@@ -31,21 +33,19 @@ class GenerateSettings:
     per_process : samples that one process makes before a fresh one takes over.
     """
 
-    seed: int | None = None
-    count: int | None = None
-    shard: tuple[int, int] = (1, 1)
-    workers: int = 1
+    seed: Seed | None = None
+    count: Annotated[int, at_least(1)] | None = None
+    shard: Annotated[
+        tuple[Annotated[int, at_least(1)], Annotated[int, at_least(1)]],
+        rising,
+        in_words("i/n with i from 1 to n, as 2/3"),
+    ] = (1, 1)
+    workers: Annotated[int, within(1, 1024)] = 1
     scheduler: str | None = None
-    per_process: int = PER_PROCESS
+    per_process: Annotated[int, at_least(1)] = PER_PROCESS
 
     def __post_init__(self) -> None:
-        rules = (
-            ("workers", 1 <= self.workers <= 1024, "give a whole number from 1 to 1024"),
-            ("per_process", self.per_process >= 1, "give a whole number from 1 up"),
-        )
-        for name, fine, remedy in rules:
-            if not fine:
-                raise InputError.at("settings", name, f"is {getattr(self, name)!r}", remedy)
+        check_settings(self)
 
 
 @dataclass
@@ -116,7 +116,7 @@ def generate(
         for i in survey.wanted
     ]  # fmt: skip
     alone = settings.scheduler is None and settings.workers == 1
-    shown = _Steps(progress, len(tasks)) if alone else None
+    shown = SampleSteps(progress, len(tasks)) if alone else None
     function: Callable[[Task], str] = make_sample if shown is None else lambda task: make_sample(task, shown)
     done = 0
     try:
@@ -162,16 +162,3 @@ def _sort_in(result: Report, index: int, outcome: str | Exception) -> None:
         result.failed[index] = str(outcome)
     else:
         result.made.append(index)
-
-
-class _Steps:
-    """Shows the steps of single samples, where they are made one after the other."""
-
-    def __init__(self, progress: ProgressCallback | None, total: int) -> None:
-        self.progress, self.total, self.done = progress, total, 0
-
-    def __call__(self, step: Progress) -> bool | None:
-        if self.progress is None:
-            return None
-        stage = f"sample {self.done + 1} of {self.total}: {step.stage}"
-        return self.progress(Progress(stage, step.iteration, step.total))

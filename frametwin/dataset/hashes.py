@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from frametwin.errors import InputError
-from frametwin.files import PathLike
+from frametwin.files import PathLike, read_bytes
+from frametwin.imaging.decoding import decoded
 
 REMEDY = "make the sample again"
 
@@ -65,22 +65,8 @@ def hash_file(path: PathLike) -> FileHash:
     InputError
         If it cannot be read, or is damaged so that its content cannot be decoded.
     """
-    data = read_bytes(path)
+    data = read_bytes(path, remedy=REMEDY)
     return FileHash(len(data), hashlib.sha256(data).hexdigest(), content_hash(Path(path), data))
-
-
-def read_bytes(path: PathLike) -> bytes:
-    """Read a file.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise InputError.at(path, "file", f"cannot be read ({error.strerror})", REMEDY) from error
 
 
 def content_hash(path: Path, data: bytes | None = None) -> str:
@@ -91,7 +77,7 @@ def content_hash(path: Path, data: bytes | None = None) -> str:
     InputError
         If it cannot be read or decoded.
     """
-    data = read_bytes(path) if data is None else data
+    data = read_bytes(path, remedy=REMEDY) if data is None else data
     readers = {".png": _pixels, ".exr": _channels, ".npz": _arrays}
     reader = readers.get(path.suffix.lower())
     if reader is None:
@@ -106,10 +92,7 @@ def content_hash(path: Path, data: bytes | None = None) -> str:
 
 
 def _pixels(path: Path, data: bytes) -> Iterable[tuple[str, np.ndarray]]:
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    if image is None:
-        raise InputError.at(path, "image", "the picture is damaged", REMEDY)
-    yield "pixels", image
+    yield "pixels", decoded(data, path, REMEDY)
 
 
 def _channels(path: Path, data: bytes) -> Iterable[tuple[str, np.ndarray]]:
@@ -141,7 +124,7 @@ def load_npz(path: PathLike, data: bytes | None = None) -> dict[str, np.ndarray]
     InputError
         If it is missing, damaged, or holds pickled objects, which are never loaded.
     """
-    data = read_bytes(path) if data is None else data
+    data = read_bytes(path, remedy=REMEDY) if data is None else data
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}

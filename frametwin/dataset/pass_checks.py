@@ -44,7 +44,7 @@ def check_passes(capture: Capture, curves: TrueCurves) -> list[str]:
         return []
     problems = []
     for n, view in enumerate(capture.views):
-        path = folder / f"{view.image.stem}.exr"
+        path = folder / f"{view.image.path.stem}.exr"
         name = path.relative_to(capture.root).as_posix()
         if not path.is_file():
             problems.append(f"{name} is missing")

@@ -11,9 +11,11 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
+from frametwin.capture.picture import Picture
 from frametwin.dataset.true_curves import TrueCurves
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.decoding import decoded, eight_bits
 from frametwin.imaging.masks import read_masks
 from frametwin.raster.silhouette import silhouettes
 
@@ -75,7 +77,7 @@ def check_pictures(capture: Capture, truth: Wireframe, curves: TrueCurves) -> li
     """
     problems = []
     for view in capture.views:
-        name = view.image.relative_to(capture.root).as_posix()
+        name = capture.name_of(view.image)
         exposure = exposure_problems(view, capture.root)
         if exposure:
             problems += exposure
@@ -95,23 +97,26 @@ def is_photo(view: View) -> bool:
     """Whether a view is a photo, not a mask: it has a background, or colours."""
     if view.background is not None:
         return True
-    image = _decoded(view.image)
-    return image is not None and image.ndim == 3 and bool((image != image[..., :1]).any())
+    try:
+        image = _pixels(view.image)
+    except InputError:
+        return False
+    return image.ndim == 3 and bool((image != image[..., :1]).any())
 
 
 def exposure_problems(view: View, root: Path) -> list[str]:
     """Whether the picture of a view, and its background, are neither black nor saturated."""
-    pictures = [view.image] if view.background is None else [view.image, view.background]
     problems = []
     photo = is_photo(view)
-    for path in pictures:
-        name = path.relative_to(root).as_posix()
-        image = _decoded(path)
-        if image is None:
+    for picture in view.pictures:
+        name = picture.path.relative_to(root).as_posix()
+        try:
+            image = _pixels(picture)
+        except InputError:
             problems.append(f"{name} cannot be decoded")
             continue
         grey = image if image.ndim == 2 else image[..., :3].max(axis=2)
-        least = LEAST_BRIGHT if path == view.image else LEAST_BACKGROUND
+        least = LEAST_BRIGHT if picture is view.image else LEAST_BACKGROUND
         problems += [f"{name} {text}" for text in (_photo_problems(grey, least) if photo else _mask_problems(grey))]
     return problems
 
@@ -130,12 +135,8 @@ def _photo_problems(grey: np.ndarray, least: int) -> list[str]:
     return [f"is saturated ({clipped:.0%} of it is clipped)"] if clipped > MOST_CLIPPED else []
 
 
-def _decoded(path: Path) -> np.ndarray | None:
-    data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    if image is None:
-        return None
-    return np.asarray(image if image.dtype == np.uint8 else image // 257)
+def _pixels(picture: Picture) -> np.ndarray:
+    return eight_bits(decoded(picture.data, picture.path))
 
 
 def mask_problems(

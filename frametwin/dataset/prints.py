@@ -5,25 +5,24 @@ Everything here follows from a `Specification`; nothing is drawn but from the se
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from frametwin.cameras import Camera
-from frametwin.cameras.rigs import dome_rig, ring_rig
-from frametwin.capture.capture import read_cameras
+from frametwin.cameras.rigs import RIGS, box_around
+from frametwin.capture.transforms import read_cameras
 from frametwin.dataset.specification import DeformationValues, PrintingValues, RigValues, Specification
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.geometry.displacement import largest_displacement
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.deformations import rigid_motion, smooth_warp, tip_load
+from frametwin.mechanics.deformations import deform, rigid_motion
 from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.mechanics.hardening import Hardening
-from frametwin.mechanics.sag import SagSettings, sag
-from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.mechanics.sag import SagSettings
+from frametwin.progress import ProgressCallback
 from frametwin.simulation.defects import drop_struts
 from frametwin.simulation.print_order import print_share
 
@@ -113,19 +112,14 @@ def deformed_print(
         seed=values.seed,
         engine=values.engine,
     )
-    report(progress, Progress("deforming", 0, 1))
-    if values.kind == "sag":
-        truth = sag(plan, settings, progress)
-    elif values.kind == "tip-load":
-        truth = tip_load(plan, settings, direction_deg=values.direction_deg)
-    elif values.kind == "warp":
-        truth = smooth_warp(plan, settings.peak_of(plan), values.seed)
+    if values.kind == "none":
+        truth = plan
     elif values.kind == "blend":
         if deformed is None:
             raise ValueError("a sample of the kind 'blend' needs the bent frame")
         truth = deformed.replace(printed=plan.printed, batch=plan.batch, radius=plan.radius)
     else:
-        truth = plan
+        truth = deform(plan, values.kind, settings, direction_deg=values.direction_deg, progress=progress)
     if values.drift_deg or any(values.drift_mm):
         truth = rigid_motion(truth, values.drift_deg, (*values.drift_mm, 0.0))
     return truth
@@ -170,12 +164,8 @@ def cameras_of(
     """The cameras; they see the whole plan, also what is not printed yet, and all of the deformed frame."""
     if rig_file is not None:
         return read_cameras(rig_file)
-    bounds = np.stack([plan.bounds, truth.bounds])  # (2 frames, 2, 3)
-    reach = float(plan.radius.max())
-    box = np.stack([bounds[:, 0].min(axis=0) - reach, bounds[:, 1].max(axis=0) + reach])
-    rig: Callable[..., tuple[Camera, ...]] = {"ring": ring_rig, "dome": dome_rig}[values.kind]
-    cameras = rig(
-        box,
+    cameras = RIGS[values.kind](
+        box_around(plan, truth),
         values.views,
         size=values.size,
         elevation_deg=values.elevation_deg or ELEVATIONS[values.kind],

@@ -21,6 +21,14 @@ LIBRARY_RENDERER = "silhouette"
 """The style that needs no Blender: the library's own exact silhouettes."""
 
 
+class Refused(ValueError):
+    """A value that cannot be: what to do, and what is wrong where the value itself does not say it."""
+
+    def __init__(self, remedy: str, problem: str = "") -> None:
+        super().__init__(f"{problem}: {remedy}" if problem else remedy)
+        self.remedy, self.problem = remedy, problem
+
+
 def _pair(value: Any) -> Any:
     """A single number is the range from it to itself."""
     return (value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -28,14 +36,14 @@ def _pair(value: Any) -> Any:
 
 def _rising(value: tuple[float, float]) -> tuple[float, float]:
     if not (math.isfinite(value[0]) and math.isfinite(value[1]) and value[0] <= value[1]):
-        raise ValueError("give a number, or two rising ones as [low, high]")
+        raise Refused("give a number, or two rising ones as [low, high]")
     return value
 
 
 def _within(low: float, high: float) -> Any:
     def check(value: tuple[float, float]) -> tuple[float, float]:
         if not (low <= value[0] and value[1] <= high):
-            raise ValueError(f"give numbers from {low:g} to {high:g}")
+            raise Refused(f"give numbers from {low:g} to {high:g}")
         return value
 
     return AfterValidator(check)
@@ -109,11 +117,11 @@ class Deformation(Table):
     @model_validator(mode="after")
     def _blend_names_a_file(self) -> Deformation:
         if self.kind == "blend" and not (self.file and self.object):
-            raise ValueError("the kind 'blend' needs file and object: name the .blend and the object in it")
+            raise Refused("name the .blend and the object in it", "the kind 'blend' needs file and object")
         if self.kind != "blend" and (self.file or self.object or self.timeline):
-            raise ValueError(f"file, object and timeline belong to the kind 'blend', not {self.kind!r}")
+            raise Refused(f"file, object and timeline belong to the kind 'blend', not {self.kind!r}")
         if self.timeline is not None and self.timeline[0] > self.timeline[1]:
-            raise ValueError("timeline is a first and a last frame: give two rising numbers")
+            raise Refused("give two rising numbers", "timeline is a first and a last frame")
         return self
 
 
@@ -175,16 +183,16 @@ class Rig(Table):
     @model_validator(mode="after")
     def _parts_fit(self) -> Rig:
         if not self.views:
-            raise ValueError("views is empty: give a number of cameras, 8 are usual")
+            raise Refused("give a number of cameras, 8 are usual", "views is empty")
         if (self.kind == "file") != (self.file is not None):
-            raise ValueError("the kind 'file' and the field file belong together: give both or neither")
+            raise Refused("give both or neither", "the kind 'file' and the field file belong together")
         given = sorted(self.model_fields_set - {"kind", "file"})
         if self.kind == "file" and given:
-            raise ValueError(f"the kind 'file' has all of the cameras from the file: remove {', '.join(given)}")
+            raise Refused(f"remove {', '.join(given)}", "the kind 'file' has all of the cameras from the file")
         if self.elevation_deg is not None and not self.elevation_deg:
-            raise ValueError("elevation_deg is empty: give angles, as [20, 45]")
+            raise Refused("give angles, as [20, 45]", "elevation_deg is empty")
         if self.kind == "dome" and self.elevation_deg is not None and len(self.elevation_deg) != 2:
-            raise ValueError("a dome needs two elevations, the lowest and the highest: give elevation_deg = [10, 70]")
+            raise Refused("give elevation_deg = [10, 70]", "a dome needs two elevations, the lowest and the highest")
         return self
 
 
@@ -223,7 +231,7 @@ class Render(Table):
     @model_validator(mode="after")
     def _passes_need_blender(self) -> Render:
         if self.passes and self.style == LIBRARY_RENDERER:
-            raise ValueError("passes are made by Blender: take the style 'mask' or 'photo', or leave passes out")
+            raise Refused("take the style 'mask' or 'photo', or leave passes out", "passes are made by Blender")
         return self
 
 
@@ -246,7 +254,7 @@ class Recipe(Table):
     @model_validator(mode="after")
     def _frames_are_named(self) -> Recipe:
         if not self.frames and any(deformation.kind != "blend" for deformation in self.deformations):
-            raise ValueError("frames is missing: name at least one frame under [[frames]]")
+            raise Refused("name at least one frame under [[frames]]", "frames is missing")
         return self
 
     @property
@@ -293,7 +301,7 @@ def parse_recipe(data: dict[str, Any], path: PathLike) -> Recipe:
     try:
         return Recipe.model_validate(data)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
+        first = error.errors(include_url=False)[0]
         raise InputError.at(path, _field(first["loc"]), *_problem(first)) from error
 
 
@@ -312,11 +320,9 @@ def _problem(error: Any) -> tuple[str, str]:
         return "is missing", "add it"
     if kind == "extra_forbidden":
         return "is not known", "remove it, or correct its name"
-    message = str(error["msg"]).removeprefix("Value error, ")
     if kind == "value_error":
-        problem, _, remedy = message.partition(": ")
-        return (
-            (problem, remedy) if remedy else (f"is {value!r}" if not isinstance(value, dict) else "is wrong", message)
-        )
+        refused: Refused = error["ctx"]["error"]
+        return refused.problem or ("is wrong" if isinstance(value, dict) else f"is {value!r}"), refused.remedy
+    message = str(error["msg"])
     shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
     return f"is {shown}", message[0].lower() + message[1:]

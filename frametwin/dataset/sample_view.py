@@ -215,8 +215,8 @@ def _camera(view: View, root: Path) -> dict[str, Any]:
     camera: Camera = view.camera
     return {
         "name": camera.name,
-        "image": view.image.relative_to(root).as_posix(),
-        "background": None if view.background is None else view.background.relative_to(root).as_posix(),
+        "image": view.image.path.relative_to(root).as_posix(),
+        "background": None if view.background is None else view.background.path.relative_to(root).as_posix(),
         "size": [camera.width, camera.height],
         "k": [camera.fl_x, camera.fl_y, camera.cx, camera.cy],
         "m": camera.world_to_camera[:3].ravel().tolist(),

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from frametwin.capture.capture import read_cameras
+from frametwin.capture.transforms import read_cameras
 from frametwin.dataset.recipe import Deformation, RecipeFile, Render, Rig
 from frametwin.errors import InputError
-from frametwin.files import PathLike, dump_json
-from frametwin.formats import frame_json, read_frame
-from frametwin.geometry.parametric import FRAMES, named_frame
+from frametwin.files import PathLike, dump_json, file_hash
+from frametwin.formats import find_frame, frame_json
+from frametwin.geometry.parametric import FRAMES
 from frametwin.geometry.wireframe import Wireframe
 
 PARTS = ("frame", "deformation", "printing", "rig", "look")
@@ -152,15 +152,11 @@ class Sampler:
         return path, _sha256(path, self.source.path, "rig.file")
 
     def _frame(self, name: str, i: int) -> tuple[Wireframe, str]:
-        path = self.source.resolve(name)
-        if name in FRAMES and not path.exists():
-            frame = named_frame(name)
-        elif not path.exists():
+        if name not in FRAMES and not self.source.resolve(name).exists():
             problem = f"there is no frame {name!r} beside the recipe, nor one of the project's own of that name"
             remedy = f"correct the path, or name one of {', '.join(FRAMES)}"
             raise InputError.at(self.source.path, f"frames[{i}].frame", problem, remedy)
-        else:
-            frame = read_frame(path)
+        frame = find_frame(name, self.source.path.parent.resolve())
         return frame, hashlib.sha256(dump_json(frame_json.to_dict(frame)).encode()).hexdigest()
 
     def specification(self, index: int) -> Specification:
@@ -293,8 +289,7 @@ def _seed(rng: np.random.Generator) -> int:
 
 
 def _sha256(path: Path, recipe: PathLike, field: str) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        problem = f"{path} cannot be read ({error.strerror})"
-        raise InputError.at(recipe, field, problem, "correct the path, which counts from the recipe") from error
+    if not path.is_file():
+        remedy = "correct the path, which counts from the recipe"
+        raise InputError.at(recipe, field, f"there is no file {path}", remedy)
+    return file_hash(path, "make it readable")

@@ -32,6 +32,7 @@ from frametwin.files import PathLike, read_json
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.wording import shortened
 
 JOIN_TOLERANCE = 1e-6
 """In mm: how far the end of a true strut may be from its vertex."""
@@ -184,19 +185,14 @@ def _dataset_problems(dataset: Dataset, partial: bool) -> list[str]:
     strange = [i for i in sample_indices(dataset.folder) if sample_folder(dataset.folder, i).name not in known]
     problems = [] if dataset.samples or partial else ["there are no samples"]
     if strange:
-        problems.append(f"dataset.json does not list what is in {SAMPLES}/: {_listed(strange)}; generate again")
+        problems.append(f"dataset.json does not list what is in {SAMPLES}/: {shortened(strange, 10)}; generate again")
     absent = [index for index in dataset.absent if index not in strange]
     if absent and not partial:
         problems.append(
-            f"{len(absent)} of {dataset.count} samples are neither there nor noted as failed: {_listed(absent)};"
+            f"{len(absent)} of {dataset.count} samples are neither there nor noted as failed: {shortened(absent, 10)};"
             " generate again to complete the dataset, or allow a partial one"
         )
     return problems
-
-
-def _listed(indices: list[int], most: int = 10) -> str:
-    shown = ", ".join(str(index) for index in indices[:most])
-    return shown if len(indices) <= most else f"{shown} and {len(indices) - most} more"
 
 
 def _content_problems(folder: Path) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import html
 import json
 import os
@@ -19,7 +18,7 @@ from frametwin.dataset.farm import run_tasks
 from frametwin.dataset.folder import RUNS, Dataset, SampleEntry, read_dataset, sample_name
 from frametwin.dataset.sample_view import PICTURE, view_sample
 from frametwin.errors import Cancelled, InputError
-from frametwin.files import PathLike, read_json, staged_directory, write_json, write_text
+from frametwin.files import PathLike, file_hash, read_json, staged_directory, write_json, write_text
 from frametwin.imaging.overlay import PLAN, PRINT, TRUTH, TWIN, Colour
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.twin.twin import FILE_NAME as TWIN_FILE
@@ -132,7 +131,7 @@ def _sample_row(entry: SampleEntry, dataset: Path, pictures: Path) -> dict[str, 
 def _key(entry: SampleEntry, run: Path) -> str:
     """What the pictures of a sample depend on."""
     twin = run / TWIN_FILE
-    digest = hashlib.sha256(twin.read_bytes()).hexdigest() if twin.is_file() else ""
+    digest = file_hash(twin) if twin.is_file() else ""
     return f"{LOOK} {__version__} {entry.content} {digest}"
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import chord_error
 
 CHORDS = 24
 """Chords of a strut of median length; longer ones take more, so that all chords are about as long."""
@@ -102,8 +103,8 @@ class CurveSet:
         step = np.repeat((span[:, 1] - span[:, 0]) / np.maximum(counts, 1), counts)
         start = span[strut, 0] + k * step
         a, b = points_at(curves, strut, start), points_at(curves, strut, start + step)
-        bend = 6.0 * np.linalg.norm(np.diff(curves, 2, axis=1), axis=2).max(axis=1)  # bounds |B''|
-        return cls(curves, span, strut, start, step, a, b, bend[strut] * step**2 / 8.0, cKDTree(0.5 * (a + b)))
+        sagitta = chord_error(curves[strut], 1.0 / step)
+        return cls(curves, span, strut, start, step, a, b, sagitta, cKDTree(0.5 * (a + b)))
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """(N,) distances in mm from points (N, 3) to the nearest point of any curve."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,8 @@ from frametwin.errors import InputError
 from frametwin.fields.base import DeformationField
 from frametwin.fields.store import load_field, save_field
 from frametwin.files import PathLike, staged_directory
+from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, LENS, SHIFT, TURN
+from frametwin.fitting.judgement import verdict
 from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.presets import PRESETS, fitter_of, settings_of
 from frametwin.formats import write_frame
@@ -95,7 +96,7 @@ def fit_capture(
     twin = result.twin
     return result.with_twin(
         timing={"read": read, **twin.timing, "total": perf_counter() - began},
-        provenance={**twin.provenance, "inputs": input_hashes(capture)},
+        provenance={**twin.provenance, "inputs": capture.hashes},
     )
 
 
@@ -117,6 +118,7 @@ def fit_views(
     printed, struts, joints = frame.printed_part()
     part = fitter.fit(printed, cameras, masks, start, callback)
     twin = _whole(frame, struts, joints, part)
+    twin = twin.replace(**_views_and_verdict(part, printed, cameras))
     provenance = {"frametwin": __version__, "preset": preset, "seed": seed, "changes": dict(changes or {})}
     timing = {**part.timing, "fit": perf_counter() - began}
     return FitResult(twin.replace(timing=timing, provenance=provenance), part.field)
@@ -146,6 +148,7 @@ def _whole(frame: Wireframe, struts: np.ndarray, joints: np.ndarray, part: PartF
     opacity[struts] = part.opacity
     confidence = np.zeros(frame.strut_count)
     confidence[struts] = part.confidence
+    unseen = frame.extent  # of struts that are not printed nobody knows anything
     return Twin(
         control_points=control_points,
         vertices=vertices,
@@ -153,8 +156,46 @@ def _whole(frame: Wireframe, struts: np.ndarray, joints: np.ndarray, part: PartF
         opacity=opacity,
         completeness=opacity.mean(axis=1),
         confidence=confidence,
+        joint_radius=_spread(part.joint_radius, joints, frame.vertex_count, 0.0),
+        sigma_across=_spread(part.sigma_across, struts, frame.strut_count, unseen),
+        sigma_along=_spread(part.sigma_along, struts, frame.strut_count, unseen),
         loss=part.loss,
     )
+
+
+def _spread(values: np.ndarray | None, where: np.ndarray, count: int, elsewhere: float) -> np.ndarray | None:
+    """Values of what was fitted among those of the whole frame, of which the rest was not seen."""
+    if values is None:
+        return None
+    result = np.full(count, elsewhere)
+    result[where] = values
+    return result
+
+
+def _views_and_verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> dict[str, Any]:
+    """What was made of the views, as for a twin's file."""
+    if part.views is None:
+        return {}
+    found = part.views
+    views = [
+        {"name": camera.name, "used": bool(used), "unexplained": float(unexplained), "unseen": float(unseen)}
+        for camera, used, unexplained, unseen in zip(cameras, found.used, found.unexplained, found.unseen, strict=True)
+    ]
+    corrections = [
+        {
+            "name": camera.name,
+            "turn_deg": np.rad2deg(own[TURN]).tolist(),
+            "shift_mm": own[SHIFT].tolist(),
+            "focal_share": float(np.expm1(own[FOCAL])),
+            "centre_px": own[CENTRE].tolist(),
+            "k1": float(own[LENS]),
+            "sigmas": float(sigmas),
+            "held_by": found.holds,
+        }
+        for camera, own, sigmas in zip(cameras, found.cameras, found.sigmas, strict=True)
+        if found.holds != "rig"
+    ]
+    return {"views": views, "cameras": corrections, "verdict": verdict(part, printed, cameras)}
 
 
 def read_field(path: PathLike) -> DeformationField:
@@ -175,10 +216,3 @@ def write_run(folder: PathLike, result: FitResult, capture: Capture, overwrite: 
         twin_files.write_twin(stage, result.twin)
         save_field(stage / FIELD_FILE, result.field)
         write_frame(stage / "frame.json", capture.frame)
-
-
-def input_hashes(capture: Capture) -> dict[str, str]:
-    """SHA-256 of every file that was read, by its name in the capture."""
-    files = [capture.root / "frame.json", capture.root / "transforms.json"]
-    files += [path for view in capture.views for path in (view.image, view.background) if path is not None]
-    return {path.relative_to(capture.root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frametwin.cameras import Camera
 from frametwin.fitting.elastic import ElasticFrame
+from frametwin.ranges import check_settings, within
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, ViewTerms
 
@@ -27,9 +29,6 @@ FREEDOMS = 10
 
 NOISE = 0.15
 """Standard deviation of a pixel on an edge, which also stands for what the model leaves out."""
-
-FEET = 0.05
-"""mm: standard deviation of a grounded joint's place on the plate."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +44,14 @@ class RigErrors:
     lens : of the distortion's k1.
     """
 
-    turn: float = 0.3
-    shift: float = 2.0
-    focal: float = 0.005
-    centre: float = 2.0
-    lens: float = 0.01
+    turn: Annotated[float, within(1e-6, 90.0)] = 0.3
+    shift: Annotated[float, within(1e-6, 1e4)] = 2.0
+    focal: Annotated[float, within(1e-9, 1.0)] = 0.005
+    centre: Annotated[float, within(1e-6, 1e4)] = 2.0
+    lens: Annotated[float, within(1e-9, 10.0)] = 0.01
+
+    def __post_init__(self) -> None:
+        check_settings(self, "rig errors")
 
     def deviations(self) -> np.ndarray:
         """(10,) one a freedom, in its own unit."""
@@ -58,22 +60,20 @@ class RigErrors:
 
 @dataclass(frozen=True, eq=False)
 class CameraPrior:
-    """What is known of the cameras and of the feet before any picture is looked at.
+    """What is known of the cameras before any picture is looked at.
 
     Attributes
     ----------
     weight : (N, 10) weights of the cameras' freedoms in the loss.
-    feet : weight of a grounded joint's shift, per mm^2.
     """
 
     weight: np.ndarray
-    feet: float
 
     @classmethod
-    def of(cls, views: int, errors: RigErrors, feet: float = FEET) -> CameraPrior:
+    def of(cls, views: int, errors: RigErrors) -> CameraPrior:
         """From standard deviations; the loss is the squared residual, so its noise is that of a pixel."""
         weight = NOISE**2 / errors.deviations() ** 2
-        return cls(np.tile(weight, (views, 1)), 0.0)
+        return cls(np.tile(weight, (views, 1)))
 
 
 def corrected(cameras: Sequence[Camera], freedoms: np.ndarray) -> list[Camera]:

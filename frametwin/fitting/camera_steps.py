@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,12 +22,6 @@ from frametwin.mechanics.beams import factorise
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Terms, ViewTerms
-
-
-def feet_system(elastic: ElasticFrame, pose: Pose, weight: float) -> tuple[np.ndarray, np.ndarray]:
-    """(V, 3, 3) and (V, 3): springs between grounded joints and their places on the plate."""
-    held = weight * elastic.frame.grounded[:, None]
-    return held[:, :, None] * np.eye(3), held * pose.joints[:, :3]
 
 
 def smooth_descent(
@@ -53,7 +47,6 @@ def smooth_descent(
         loss = float(terms.losses.sum())
         shift = at.joints.ravel()
         extra = 0.5 * shift @ (stiffness @ shift) + 0.5 * float((prior.weight * cameras**2).sum())
-        extra += 0.5 * prior.feet * float(np.square(at.joints[elastic.frame.grounded, :3]).sum())
         return terms, camera_terms(drawn, terms, seen.cameras, scales), loss, extra
 
     stiffness = stage.pull * elastic.assemble(elastic.stiffness)
@@ -61,10 +54,6 @@ def smooth_descent(
     damping, size = 1e-3, motions.shape[1]
     for _ in range(stage.iterations):
         summed = terms.summed()
-        feet, feet_slope = feet_system(elastic, pose, prior.feet)
-        summed = replace(
-            summed, joint_hessian=summed.joint_hessian + feet, joint_gradient=summed.joint_gradient + feet_slope
-        )
         matrix, gradient = joint_system(elastic, summed)
         coupling = motions.T @ coupling_to_freedoms(elastic, cams)
         full = np.zeros((size + coupling.shape[1],) * 2)
@@ -169,10 +158,9 @@ def reduced_system(
     own_slope = (cams.gradient + prior.weight * freedoms).ravel()
     own_slope = own_slope - np.tensordot(inner_coupled, by_slope[:, :, 0], axes=([0, 1], [0, 1]))
     held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
-    feet, feet_slope = feet_system(elastic, pose, prior.feet)
-    matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3) + feet)
+    matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))
     shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
-    right = elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted + feet_slope)
+    right = elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
     border = np.zeros((6 * elastic.vertex_count, size))
     np.add.at(border, elastic.freedoms, coupled)
     border.reshape(-1, 6, size)[:, :3] += cams.joints.reshape(-1, 3, size)

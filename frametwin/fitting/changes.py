@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, Self
 
-from frametwin.errors import InputError
+from frametwin.checked_json import name_problem
 
 
 class Changeable:
@@ -22,5 +22,5 @@ class Changeable:
         known = [f.name for f in dataclasses.fields(self)]  # type: ignore[arg-type]
         for name in changes:
             if name not in known:
-                raise InputError.at("settings", name, "is not a setting", f"use one of {', '.join(known)}")
+                raise name_problem("settings", name, "is not a setting", known)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]

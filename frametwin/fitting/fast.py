@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from frametwin.cameras import Camera
 from frametwin.fields.base import DeformationField
-from frametwin.fitting import presence
+from frametwin.fitting import gauge, presence
 from frametwin.fitting.camera_freedoms import FREEDOMS
 from frametwin.fitting.confidence import confidence
 from frametwin.fitting.consistency import Consistent, consistent_fit
@@ -26,8 +26,10 @@ from frametwin.fitting.fast_settings import FastSettings
 from frametwin.fitting.fast_state import Problem, drawn, level_of
 from frametwin.fitting.frame_field import field_through
 from frametwin.fitting.part_fit import PartFit, ViewsFit
+from frametwin.fitting.uncertainty import Uncertainty, uncertainty
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
+from frametwin.raster.rods import Rods
 
 
 @dataclass(frozen=True)
@@ -59,20 +61,36 @@ def _result(found: Consistent) -> PartFit:
     if settings.learn_opacity:
         opacity, _ = presence.seen_opacity(rods, level_of(problem, state, settings.finish[-1]))
     state = state.lapped("presence")
-    certainty = confidence(problem.elastic, state.last_terms)
-    field = field_through(problem.frame, rods.control_points, settings.field_cells, certainty)
+    known = confidence(problem.elastic, state.last_terms)
+    field = field_through(problem.frame, rods.control_points, settings.field_cells, known)
+    doubt = _uncertainty(found, rods)
     state = state.lapped("field")
     return PartFit(
         control_points=rods.control_points,
         vertices=rods.joints,
         thickness=rods.radius,
         opacity=opacity,
-        confidence=certainty,
+        confidence=doubt.confidence,
         field=field,
         loss=state.record.loss,
         timing=state.record.timing,
         views=_views(found),
         joint_radius=rods.joint_radius(),
+        sigma_across=doubt.across,
+        sigma_along=doubt.along,
+    )
+
+
+def _uncertainty(found: Consistent, rods: Rods) -> Uncertainty:
+    problem, state = found.problem, found.state
+    stage = problem.settings.finish[0]
+    return uncertainty(
+        problem.elastic,
+        state.last_terms,
+        rods.radius[:, 0],
+        float(np.median(found.misfit.total[found.used])),
+        presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage)),
+        gauge.world_deviation(problem.elastic, problem.settings.rig_errors, int(found.used.sum()), found.holds),
     )
 
 
@@ -81,4 +99,5 @@ def _views(found: Consistent) -> ViewsFit:
     cameras = np.zeros((len(found.used), FREEDOMS))
     if found.state.cameras is not None:
         cameras[found.used] = found.state.cameras
-    return ViewsFit(cameras, found.used, found.misfit.unexplained, found.misfit.unseen, found.holds)
+    sigmas = np.abs(cameras / found.problem.settings.rig_errors.deviations()).max(axis=1)
+    return ViewsFit(cameras, sigmas, found.used, found.misfit.unexplained, found.misfit.unseen, found.holds)

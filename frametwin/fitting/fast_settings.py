@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from frametwin.errors import InputError
 from frametwin.fields.lattice_fit import MOST_COEFFICIENTS
 from frametwin.fitting.camera_freedoms import RigErrors
 from frametwin.fitting.changes import Changeable
+from frametwin.ranges import Share, above, check_settings, in_words, one_of, some, within
+
+Detail = Annotated[float, within(0.01, 1000.0)]
+Blur = Annotated[float, within(0.0, 100.0)]
+Steps = Annotated[int, within(1, 10_000)]
+Pieces = Annotated[int, within(1, 1000)]
+Weight = Annotated[float, within(0.0, 1e12)]
+Cap = Annotated[float, above(0.0, up_to=1e6)]
+
+CELLS_WANTED = "the cells of one level or more, from 1 to 16, such as 2 5, with one above 12 at most"
 
 CAMERAS = ("auto", "exact")
 HOLDS = ("auto", "feet", "cameras")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CoarseStage:
     """Damped Gauss-Newton steps in the frame's smooth motions.
 
@@ -27,18 +38,26 @@ class CoarseStage:
     pull : weight of the elastic energy.
     longest : cap on a step, in pixels of that size.
     gain : the stage ends when a step lowers the loss by less than this share.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
     """
 
-    detail: float
-    blur: float
-    iterations: int
-    pieces: int
-    pull: float = 1e-3
-    longest: float = 1.0
-    gain: float = 5e-3
+    detail: Detail
+    blur: Blur
+    iterations: Steps
+    pieces: Pieces
+    pull: Weight = 1e-3
+    longest: Cap = 1.0
+    gain: Share = 5e-3
+
+    def __post_init__(self) -> None:
+        check_settings(self, "stage")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Stage:
     """Gauss-Newton steps of every joint and strut.
 
@@ -49,16 +68,24 @@ class Stage:
     drag : weight of the elastic energy of each step.
     share : of each step that is gone. Rods that share a pixel are taken one by one, so that at joints, where they all
         move together, a whole step in sharp pictures would swing from side to side.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
     """
 
-    detail: float
-    blur: float
-    iterations: int
-    pieces: int
-    pull: float
-    drag: float
-    longest: float = 1.0
-    share: float = 1.0
+    detail: Detail
+    blur: Blur
+    iterations: Steps
+    pieces: Pieces
+    pull: Weight
+    drag: Weight
+    longest: Cap = 1.0
+    share: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 1.0
+
+    def __post_init__(self) -> None:
+        check_settings(self, "stage")
 
 
 @dataclass(frozen=True)
@@ -84,61 +111,51 @@ class FastSettings(Changeable):
     hold : one of `HOLDS`: what holds the world when cameras move. ``feet`` on the plate, the ``cameras``, or ``auto``:
         the feet, unless all cameras would have to have moved together for it.
     rig_errors : standard deviations of what the rig says.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range, or there is no stage where one is needed.
     """
 
     preset: str = "fast"
-    seed: int = 0
-    kernels_per_strut: int = 20
-    cells: int = 1
+    seed: Annotated[int, within(0, 2**63 - 1)] = 0
+    kernels_per_strut: Annotated[int, within(1, 1000)] = 20
+    cells: Annotated[int, within(1, 6)] = 1
     coarse: tuple[CoarseStage, ...] = (
-        CoarseStage(0.5, 1.5, 14, 2),
-        CoarseStage(0.9, 1.5, 10, 2),
-        CoarseStage(0.9, 0.7, 6, 4),
+        CoarseStage(detail=0.5, blur=1.5, iterations=14, pieces=2),
+        CoarseStage(detail=0.9, blur=1.5, iterations=10, pieces=2),
+        CoarseStage(detail=0.9, blur=0.7, iterations=6, pieces=4),
     )
-    refine: tuple[Stage, ...] = (
-        Stage(0.9, 1.0, 3, 4, 0.12, 1.2),
-        Stage(0.9, 1.0, 3, 4, 0.04, 0.4),
-        Stage(0.9, 0.7, 3, 4, 0.04, 0.12),
-        Stage(1.8, 0.7, 4, 6, 0.04, 0.12, 1.5),
+    refine: Annotated[tuple[Stage, ...], some("one stage or more")] = (
+        Stage(detail=0.9, blur=1.0, iterations=3, pieces=4, pull=0.12, drag=1.2),
+        Stage(detail=0.9, blur=1.0, iterations=3, pieces=4, pull=0.04, drag=0.4),
+        Stage(detail=0.9, blur=0.7, iterations=3, pieces=4, pull=0.04, drag=0.12),
+        Stage(detail=1.8, blur=0.7, iterations=4, pieces=6, pull=0.04, drag=0.12, longest=1.5),
     )
     recover: tuple[Stage, ...] = (
-        Stage(1.8, 1.0, 1, 6, 0.04, 0.12, 1.5),
-        Stage(1.8, 0.7, 2, 6, 0.04, 0.12, 1.5),
+        Stage(detail=1.8, blur=1.0, iterations=1, pieces=6, pull=0.04, drag=0.12, longest=1.5),
+        Stage(detail=1.8, blur=0.7, iterations=2, pieces=6, pull=0.04, drag=0.12, longest=1.5),
     )
-    finish: tuple[Stage, ...] = (
-        Stage(3.6, 0.4, 3, 8, 0.02, 0.08, 1.5, 0.7),
-        Stage(8.0, 0.3, 3, 8, 0.01, 0.04, 1.5, 0.6),
+    finish: Annotated[tuple[Stage, ...], some("one stage or more")] = (
+        Stage(detail=3.6, blur=0.4, iterations=3, pieces=8, pull=0.02, drag=0.08, longest=1.5, share=0.7),
+        Stage(detail=8.0, blur=0.3, iterations=3, pieces=8, pull=0.01, drag=0.04, longest=1.5, share=0.6),
     )
     learn_thickness: bool = True
     learn_opacity: bool = True
-    suspicious: float = 0.9
-    troubled: float = 0.03
-    absent: float = 0.5
-    field_cells: tuple[int, ...] = (2, 5)
-    cameras: str = "auto"
-    hold: str = "auto"
+    suspicious: Share = 0.9
+    troubled: Share = 0.03
+    absent: Share = 0.5
+    field_cells: Annotated[tuple[Annotated[int, within(1, 16)], ...], some(""), in_words(CELLS_WANTED)] = (2, 5)
+    cameras: Annotated[str, one_of(CAMERAS)] = "auto"
+    hold: Annotated[str, one_of(HOLDS)] = "auto"
     rig_errors: RigErrors = RigErrors()
 
     def __post_init__(self) -> None:
-        whole = {"seed": (0, 2**63 - 1), "kernels_per_strut": (1, 1000), "cells": (1, 6)}
-        for name, (low, high) in whole.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-                raise InputError.at("settings", name, f"is {value!r}", f"give a whole number from {low} to {high}")
-        for name in ("suspicious", "troubled", "absent"):
-            value = getattr(self, name)
-            if not (isinstance(value, float | int) and 0.0 <= value <= 1.0):
-                raise InputError.at("settings", name, f"is {value!r}", "give a share from 0 to 1")
-        for name in ("learn_thickness", "learn_opacity"):
-            if not isinstance(getattr(self, name), bool):
-                raise InputError.at("settings", name, f"is {getattr(self, name)!r}", "give true or false")
+        check_settings(self)
         self._check_field_cells()
 
     def _check_field_cells(self) -> None:
         """A field that could not be fitted shall not be found out after the fit."""
-        cells = tuple(self.field_cells) if isinstance(self.field_cells, list | tuple) else ()
-        whole = all(isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 16 for count in cells)
-        if not cells or not whole or sum((count + 3) ** 3 for count in cells) > MOST_COEFFICIENTS:
-            remedy = "give the cells of one level or more, from 1 to 16, such as 2 5, with one above 12 at most"
-            raise InputError.at("settings", "field_cells", f"is {self.field_cells!r}", remedy)
-        object.__setattr__(self, "field_cells", cells)
+        if sum((count + 3) ** 3 for count in self.field_cells) > MOST_COEFFICIENTS:
+            raise InputError.at("settings", "field_cells", f"is {self.field_cells!r}", f"give {CELLS_WANTED}")

@@ -75,7 +75,7 @@ class Problem:
 
     @property
     def prior(self) -> CameraPrior:
-        """What is known of cameras and feet before any picture is looked at."""
+        """What is known of the cameras before any picture is looked at."""
         return CameraPrior.of(self.levels.view_count, self.settings.rig_errors)
 
     def exact_cameras(self) -> np.ndarray:

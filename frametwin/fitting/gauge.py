@@ -11,10 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from frametwin.fitting.camera_freedoms import FEET, SHIFT, TURN, RigErrors
+from frametwin.fitting.camera_freedoms import SHIFT, TURN, RigErrors
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.motion import Pose
 from frametwin.geometry import bezier
+
+FEET = 0.05
+"""mm: standard deviation of a foot on the plate, as it was planned and as it is seen."""
 
 LENGTH = 1e-3
 """Standard deviation of the common factor of all struts' lengths."""
@@ -137,3 +140,19 @@ def rig_misfit(freedoms: np.ndarray, errors: RigErrors) -> float:
     """Squared corrections of all cameras' poses over their variances: about 6 a camera if the rig errs as stated."""
     scaled = np.column_stack([freedoms[:, TURN] / np.deg2rad(errors.turn), freedoms[:, SHIFT] / errors.shift])
     return float(np.square(scaled).sum())
+
+
+def world_deviation(elastic: ElasticFrame, errors: RigErrors, views: int, holds: str) -> np.ndarray:
+    """(E,) mm: standard deviation of where the world is held, at the middle of each strut.
+
+    An exact rig holds it exactly; feet hold it by their own deviation and that of the common length; cameras, each by
+    itself, by a share of their shifts.
+    """
+    frame = elastic.frame
+    if holds == "rig":
+        return np.zeros(frame.strut_count)
+    middle = frame.vertices[frame.edges].mean(axis=1)
+    standing = frame.vertices[frame.grounded] if frame.grounded.any() else frame.vertices
+    reach = np.linalg.norm(middle - standing.mean(axis=0), axis=1)
+    at = FEET / np.sqrt(len(standing)) if holds == "feet" else errors.shift / np.sqrt(views)
+    return np.hypot(at, 0.5 * LENGTH * reach)

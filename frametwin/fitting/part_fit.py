@@ -22,6 +22,8 @@ class ViewsFit:
     ----------
     cameras : (N, 10) array
         Corrections of the cameras (see `frametwin.fitting.camera_freedoms`); zeros where the rig was taken as it is.
+    sigmas : (N,) array
+        Largest correction of each camera, in standard deviations of its rig.
     used : (N,) array of bool
         Views that the fit was made from.
     unexplained, unseen : (N,) array, 0..1
@@ -31,6 +33,7 @@ class ViewsFit:
     """
 
     cameras: np.ndarray
+    sigmas: np.ndarray
     used: np.ndarray
     unexplained: np.ndarray
     unseen: np.ndarray
@@ -60,6 +63,8 @@ class PartFit:
         What was made of the views, by fitters that ask.
     joint_radius : (V,) array or None, mm
         Of the material at each joint, likewise.
+    sigma_across, sigma_along : (E,) array or None, mm
+        Standard deviation of each strut across and along itself, likewise.
     """
 
     control_points: np.ndarray
@@ -72,6 +77,8 @@ class PartFit:
     timing: Mapping[str, float]
     views: ViewsFit | None = None
     joint_radius: np.ndarray | None = None
+    sigma_across: np.ndarray | None = None
+    sigma_along: np.ndarray | None = None
 
 
 class Fitter(Protocol):

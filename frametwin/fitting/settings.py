@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from frametwin.errors import InputError
 from frametwin.fitting.changes import Changeable
+from frametwin.ranges import check_settings, one_of, some, within
 
 FIELD_KINDS = ("network", "lattice", "free", "nodes")
 DECAYS = ("cosine", "geometric")
+
+Rate = Annotated[float, within(1e-12, 10.0)]
 
 
 @dataclass(frozen=True)
@@ -50,50 +52,37 @@ class FitSettings(Changeable):
     """
 
     preset: str = "paper"
-    seed: int = 0
-    iterations: int = 150
-    image_scale: float = 1.0
-    samples: int = 50
-    kernels_per_strut: int = 20
+    seed: Annotated[int, within(0, 2**63 - 1)] = 0
+    iterations: Annotated[int, within(1, 1_000_000)] = 150
+    image_scale: Annotated[float, within(1e-3, 1.0)] = 1.0
+    samples: Annotated[int, within(3, 1000)] = 50
+    kernels_per_strut: Annotated[int, within(1, 1000)] = 20
     adaptive_kernels: bool = False
-    spread: float = 1.0
-    pixel_variance: float = 1.0 / 12.0
-    field: str = "network"
-    domain_margin: float = 0.1
-    learning_rate: float = 1.6e-4
-    learning_rate_end: float = 1.6e-5
-    decay: str = "cosine"
+    spread: Annotated[float, within(0.05, 10.0)] = 1.0
+    pixel_variance: Annotated[float, within(0.0, 1e4)] = 1.0 / 12.0
+    field: Annotated[str, one_of(FIELD_KINDS)] = "network"
+    domain_margin: Annotated[float, within(1e-3, 10.0)] = 0.1
+    learning_rate: Rate = 1.6e-4
+    learning_rate_end: Rate = 1.6e-5
+    decay: Annotated[str, one_of(DECAYS)] = "cosine"
     learn_thickness: bool = True
-    thickness_rate: float = 5e-3
+    thickness_rate: Rate = 5e-3
     learn_opacity: bool = True
-    opacity_rate: float = 2.5e-2
-    opacity_start: float = 0.9
-    bending_weight: float = 1e-7
-    bending_power: float = 2.0
-    bending_samples: int = 2048
-    lattice_cells: tuple[int, ...] = (1, 3, 6)
-    node_count: int = 256
-    node_neighbours: int = 4
+    opacity_rate: Rate = 2.5e-2
+    opacity_start: Annotated[float, within(0.01, 0.99)] = 0.9
+    bending_weight: Annotated[float, within(0.0, 1e12)] = 1e-7
+    bending_power: Annotated[float, within(1e-3, 16.0)] = 2.0
+    bending_samples: Annotated[int, within(1, 10_000_000)] = 2048
+    lattice_cells: Annotated[
+        tuple[Annotated[int, within(1, 64)], ...], some("the cells of one level or more, such as 1, 3, 6")
+    ] = (1, 3, 6)
+    node_count: Annotated[int, within(1, 100_000)] = 256
+    node_neighbours: Annotated[int, within(1, 64)] = 4
 
     def __post_init__(self) -> None:
-        for name, (low, high) in _WHOLE.items():
-            _check_whole(name, getattr(self, name), low, high)
-        for name, (least, most) in _REAL.items():
-            _check_real(name, getattr(self, name), least, most)
-        for name in ("adaptive_kernels", "learn_thickness", "learn_opacity"):
-            if not isinstance(getattr(self, name), bool):
-                raise _wrong(name, f"is {getattr(self, name)!r}", "give true or false")
-        for name, choices in (("field", FIELD_KINDS), ("decay", DECAYS)):
-            if getattr(self, name) not in choices:
-                raise _wrong(name, f"is {getattr(self, name)!r}", f"give one of {', '.join(choices)}")
-        if not isinstance(self.lattice_cells, tuple | list) or not self.lattice_cells:
-            problem = f"is {self.lattice_cells!r}"
-            raise _wrong("lattice_cells", problem, "give the cells of one level or more, such as 1, 3, 6")
-        for cells in self.lattice_cells:
-            _check_whole("lattice_cells", cells, 1, 64)
+        check_settings(self)
         if self.learning_rate_end > self.learning_rate:
-            raise _wrong("learning_rate_end", "is above learning_rate", "give a rate that falls")
-        object.__setattr__(self, "lattice_cells", tuple(self.lattice_cells))
+            raise InputError.at("settings", "learning_rate_end", "is above learning_rate", "give a rate that falls")
 
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -129,44 +118,5 @@ def preset(name: str, **changes: Any) -> FitSettings:
         If the name or a setting is unknown, or a value is out of its range.
     """
     if name not in PRESETS:
-        raise _wrong("preset", f"{name!r} is unknown", f"give one of {', '.join(PRESETS)}")
+        raise InputError.at("settings", "preset", f"{name!r} is unknown", f"give one of {', '.join(PRESETS)}")
     return FitSettings().replace(**{"preset": name, **PRESETS[name], **changes})
-
-
-_WHOLE = {
-    "seed": (0, 2**63 - 1),
-    "iterations": (1, 1_000_000),
-    "samples": (3, 1000),
-    "kernels_per_strut": (1, 1000),
-    "bending_samples": (1, 10_000_000),
-    "node_count": (1, 100_000),
-    "node_neighbours": (1, 64),
-}
-_REAL = {
-    "image_scale": (1e-3, 1.0),
-    "spread": (0.05, 10.0),
-    "pixel_variance": (0.0, 1e4),
-    "domain_margin": (1e-3, 10.0),
-    "learning_rate": (1e-12, 10.0),
-    "learning_rate_end": (1e-12, 10.0),
-    "thickness_rate": (1e-12, 10.0),
-    "opacity_rate": (1e-12, 10.0),
-    "opacity_start": (0.01, 0.99),
-    "bending_weight": (0.0, 1e12),
-    "bending_power": (1e-3, 16.0),
-}
-
-
-def _wrong(name: str, problem: str, remedy: str) -> InputError:
-    return InputError.at("settings", name, problem, remedy)
-
-
-def _check_whole(name: str, value: Any, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise _wrong(name, f"is {value!r}", f"give a whole number from {low} to {high}")
-
-
-def _check_real(name: str, value: Any, low: float, high: float) -> None:
-    fine = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not fine or not low <= value <= high:
-        raise _wrong(name, f"is {value!r}", f"give a number from {low:g} to {high:g}")

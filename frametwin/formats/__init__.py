@@ -18,9 +18,10 @@ from pathlib import Path
 from frametwin.errors import InputError
 from frametwin.files import PathLike, parse_json, read_text
 from frametwin.formats import assembly, frame_json, mesh, obj, rl3dp
+from frametwin.geometry.parametric import FRAMES, named_frame
 from frametwin.geometry.wireframe import Wireframe
 
-__all__ = ["read_frame", "write_frame"]
+__all__ = ["find_frame", "read_frame", "write_frame"]
 
 _OWN_FILES = {
     "frametwin-twin": "is a digital twin, not a frame",
@@ -65,6 +66,26 @@ def read_frame(path: PathLike | tuple[PathLike, PathLike]) -> Wireframe:
             "give a .json, an .obj, a mesh, or a pair of files named Node*.txt and Edge*.txt",
         )
     return mesh.read(file)
+
+
+def find_frame(name: str, folder: PathLike = "") -> Wireframe:
+    """The frame in a file, or else one of the project's own by its name.
+
+    Parameters
+    ----------
+    name
+        A path for `read_frame`, or a name of `frametwin.geometry.parametric.FRAMES`. What exists as a file or folder
+        goes first.
+    folder
+        Where a relative path begins; the working folder by default.
+
+    Raises
+    ------
+    InputError
+        If it is neither, and as `read_frame`.
+    """
+    path = Path(folder, name)
+    return named_frame(name) if name in FRAMES and not path.exists() else read_frame(path)
 
 
 def _read_json(path: Path) -> Wireframe:

@@ -11,6 +11,7 @@ import numpy as np
 from frametwin.errors import InputError
 from frametwin.files import PathLike, read_text, write_text
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import ROUNDING, is_straight
 from frametwin.geometry.wireframe import Wireframe
 
 CURVE_SEGMENTS = 16
@@ -155,14 +156,16 @@ def write(path: PathLike, frame: Wireframe) -> None:
     InputError
         If the file cannot be written.
     """
-    lines = [f"# {frame.name}: {frame.strut_count} struts, mm, z up", f"o {'_'.join(frame.name.split())}"]
+    words = frame.name.replace("\\", " ").split()  # of one line: readers take a last backslash for a line that goes on
+    lines = [f"# {' '.join(words)}: {frame.strut_count} struts, mm, z up", f"o {'_'.join(words) or 'frame'}"]
     lines += [_vertex_line(point) for point in frame.vertices]
     count = frame.vertex_count
     u = np.linspace(0.0, 1.0, CURVE_SEGMENTS + 1)[1:-1]
     struts = []
-    for (a, b), curve in zip(frame.edges.tolist(), frame.control_points, strict=True):
+    straight = is_straight(frame.control_points, ROUNDING * frame.chord_lengths)
+    for (a, b), curve, plain in zip(frame.edges.tolist(), frame.control_points, straight, strict=True):
         chain = [a + 1]
-        if not _is_straight(curve):
+        if not plain:
             lines += [_vertex_line(point) for point in bezier.evaluate(curve, u)]
             chain += range(count + 1, count + len(u) + 1)
             count += len(u)
@@ -172,10 +175,3 @@ def write(path: PathLike, frame: Wireframe) -> None:
 
 def _vertex_line(point: np.ndarray) -> str:
     return "v " + " ".join(repr(value) for value in point.tolist())
-
-
-def _is_straight(curve: np.ndarray) -> bool:
-    """True if the inner control points of a curve (4, 3) lie on its chord."""
-    chord = curve[3] - curve[0]
-    away = np.linalg.norm(np.cross(curve[1:3] - curve[0], chord), axis=1) / (chord @ chord)
-    return bool(away.max() < 1e-9)

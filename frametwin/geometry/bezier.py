@@ -215,40 +215,6 @@ def straight(a: ArrayLike, b: ArrayLike, n: int = 3) -> Floats:
     return points
 
 
-def from_polyline(points: ArrayLike, n: int = 3) -> Floats:
-    """One curve along a polyline: least squares at chord-length parameters, ends fixed.
-
-    Parameters
-    ----------
-    points
-        (P, D) vertices of the polyline, at least two, in order.
-    n
-        Degree of the curve. A polyline of fewer than ``n + 1`` points is interpolated with the degree it
-        allows and then elevated, so two points give a straight curve.
-
-    Returns
-    -------
-    (n + 1, D) control points.
-
-    Raises
-    ------
-    ValueError
-        For fewer than two points, or when all of them coincide.
-    """
-    corners = np.asarray(points, dtype=np.float64)
-    if corners.ndim != 2 or len(corners) < 2:
-        raise ValueError("a polyline needs at least two points of the shape (P, D)")
-    steps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    keep = np.concatenate([[True], steps > 0.0])  # repeated points carry no parameter of their own
-    corners, steps = corners[keep], steps[steps > 0.0]
-    if len(corners) < 2:
-        raise ValueError("all points of the polyline coincide")
-    parameters = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
-    parameters[-1] = 1.0
-    degree = min(n, len(corners) - 1)
-    return elevate(_refit(parameters, degree) @ corners, n)
-
-
 def _control_points(control_points: ArrayLike) -> Floats:
     points = np.asarray(control_points, dtype=np.float64)
     if points.ndim < 2 or points.shape[-2] < 1:

@@ -11,6 +11,7 @@ import numpy as np
 from frametwin.arrays import checked_array
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import ROUNDING, is_straight
 from frametwin.geometry.wireframe_checks import check_graph, check_name, checked_fields, snapped_curves
 
 ARRAYS = ("vertices", "edges", "control_points", "radius", "printed", "grounded", "batch")
@@ -126,7 +127,7 @@ class Wireframe:
             curves = snapped_curves(control_points, points, struts, source)
         if radius is None:
             radius = RADIUS_SHARE * float(np.median(bezier.arc_length(curves)))
-        if np.ndim(radius) == 0:
+        if not isinstance(radius, list | tuple) and np.ndim(radius) == 0:  # a ragged list has no dimension
             radius = np.full(count, checked_array(radius, "f", (), source, "radius"))
         return cls(
             vertices=points,
@@ -178,9 +179,8 @@ class Wireframe:
 
     @property
     def is_straight(self) -> bool:
-        """True if every strut is straight with evenly spaced control points (to 1e-9 of the extent)."""
-        difference = self.control_points - straight_control_points(self.vertices, self.edges)
-        return bool(np.abs(difference).max() <= 1e-9 * self.extent)
+        """True if every strut is straight with evenly spaced control points (to `ROUNDING` of the extent)."""
+        return bool(is_straight(self.control_points, ROUNDING * self.extent, even=True).all())
 
     def replace(self, **changes: Any) -> Wireframe:
         """Return a copy with other values in some fields, checked anew.
@@ -258,10 +258,6 @@ class Wireframe:
     def printed_vertices(self) -> np.ndarray:
         """(V,) bool: at least one printed strut ends there."""
         return self._touched(self.printed)
-
-    def interface_vertices(self) -> np.ndarray:
-        """(V,) bool: printed and unprinted struts meet there."""
-        return self._touched(self.printed) & self._touched(~self.printed)
 
     def components(self) -> tuple[int, np.ndarray]:
         """Find the connected parts of the graph.

@@ -19,6 +19,8 @@ def check_graph(vertices: np.ndarray, edges: np.ndarray, source: str) -> None:
     count = len(vertices)
     if len(edges) == 0:
         raise InputError.at(source, "edges", "the frame holds no strut", "give at least one strut")
+    if count == 0:
+        raise InputError.at(source, "vertices", "the frame holds no vertex", "give the vertices that the struts join")
     outside = np.flatnonzero(((edges < 0) | (edges >= count)).any(axis=1))
     if outside.size:
         i = int(outside[0])

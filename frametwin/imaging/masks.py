@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
-from frametwin.capture.image_files import image_size, read_image_bytes
+from frametwin.capture.picture import Picture
 from frametwin.errors import InputError
+from frametwin.imaging.decoding import decoded, eight_bits
 from frametwin.progress import Progress, ProgressCallback, report
 
 PHOTO_THRESHOLD = 120
@@ -24,7 +23,7 @@ _WHITE_BORDER = 0.9  # share of white border pixels above which the background i
 
 
 def read_masks(capture: Capture, progress: ProgressCallback | None = None) -> list[np.ndarray]:
-    """Read all views as undistorted masks, 1 where the print is.
+    """Give all views as undistorted masks, 1 where the print is.
 
     A picture is a mask if it has one channel and no background picture, or if it is grey and nearly all
     black and white; grey values at the edges (anti-aliasing) are kept. Everything else is a photo: see
@@ -59,7 +58,7 @@ def read_masks(capture: Capture, progress: ProgressCallback | None = None) -> li
             raise InputError.at(
                 capture.root / "transforms.json",
                 f"frames[{i}].k1",
-                f"nothing of {view.image.name} is left when its lens distortion is removed",
+                f"nothing of {view.image.path.name} is left when its lens distortion is removed",
                 "calibrate the camera again",
             )
         masks.append(straight)
@@ -144,30 +143,25 @@ def undistort(mask: np.ndarray, camera: Camera) -> np.ndarray:
     )
 
 
-def _decode(path: Path, camera: Camera) -> np.ndarray:
-    """Decode a picture as (H, W) or (H, W, 3) uint8; transparent pixels become black."""
-    data = read_image_bytes(path)
-    image_size(path, data)  # names what is wrong with the file; the decoder would only say that something is
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise InputError.at(path, "image", "the picture is damaged", "save it again, as PNG or JPEG")
+def _decode(picture: Picture, camera: Camera) -> np.ndarray:
+    """Decode the picture of a camera as (H, W) or (H, W, 3) uint8; transparent pixels become black."""
+    image = eight_bits(decoded(picture.data, picture.path))
     if image.shape[:2] != (camera.height, camera.width):
         raise InputError.at(
-            path,
+            picture.path,
             "size",
             f"is {image.shape[1]} x {image.shape[0]} pixels where transforms.json says"
             f" {camera.width} x {camera.height}",
             "give the picture as it was taken, or calibrate again",
         )
-    if image.dtype != np.uint8:
-        image = (image // 257).astype(np.uint8)  # 16 bits a channel
     if image.ndim == 3 and image.shape[2] == 4:
         share = image[..., 3:].astype(np.float32) / 255.0
         image = (image[..., :3] * share).round().astype(np.uint8)
     return image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image
 
 
-def _check_content(mask: np.ndarray, path: Path) -> None:
+def _check_content(mask: np.ndarray, picture: Picture) -> None:
+    path = picture.path
     remedy = "give a picture of the print: bright struts on a dark background, or a mask of them"
     share = float(np.mean(mask > 0.5))
     if share < _LEAST_CONTENT:

@@ -9,8 +9,7 @@ References
 ----------
 J. S. Przemieniecki, *Theory of Matrix Structural Analysis*, 1968, chapter 5 (element matrices);
 R. J. Guyan, "Reduction of stiffness and mass matrices", AIAA Journal 3(2), 1965 (condensation, exact in
-statics); E. Hinton, T. Rock, O. C. Zienkiewicz, "A note on mass lumping and related processes in the finite
-element method", Earthquake Engineering & Structural Dynamics 4(3), 1976 (lumped mass).
+statics).
 """
 
 from __future__ import annotations
@@ -249,13 +248,3 @@ def displacement_along(
     bubble = push * (length**4 / (24.0 * sections.bending[:, None, None])) * (x * (1.0 - x)) ** 2
     bubble = bubble + pull * (length**2 / (2.0 * sections.axial[:, None, None])) * (x * (1.0 - x))
     return bent + stretched + bubble
-
-
-def lumped_mass(lengths: np.ndarray, mass: np.ndarray, edges: np.ndarray, node_count: int) -> np.ndarray:
-    """Diagonal mass (V, 6) of beams of given ``lengths`` (N,) and ``mass`` (N,), lumped as Hinton et al. do.
-
-    Half of a beam's mass goes to each end, with a rotary inertia of m L^2 / 78 about every axis.
-    """
-    rotary = mass * lengths**2 / 78.0
-    per_end = np.stack([mass / 2.0] * 3 + [rotary] * 3, axis=1)  # (N, 6)
-    return assemble_loads(np.concatenate([per_end, per_end], axis=1), edges, node_count)

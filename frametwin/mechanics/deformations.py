@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import brentq
 
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
@@ -10,14 +11,61 @@ from frametwin.geometry.displacement import largest_displacement
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.mechanics.hardening import strut_stiffness
-from frametwin.mechanics.sag import SAMPLES, SagSettings, scaled_shape, solve
+from frametwin.mechanics.sag import SAMPLES, SagSettings, sag, scaled_shape, solve
 from frametwin.mechanics.stiffness import FrameBeams, require_grounded
+from frametwin.progress import Progress, ProgressCallback, report
+
+DEFORMATIONS = ("sag", "warp", "rigid", "tip-load")
+"""Kinds that `deform` knows."""
 
 WAVES = 6
 """Plane waves in a random smooth warp."""
 
 TOP_SHARE = 0.02
 """Vertices within this share of the print's height from its top are pushed by `tip_load`."""
+
+
+def deform(
+    frame: Wireframe,
+    kind: str,
+    settings: SagSettings,
+    *,
+    direction_deg: float = 0.0,
+    progress: ProgressCallback | None = None,
+) -> Wireframe:
+    """Deform a frame in the way of that name.
+
+    Parameters
+    ----------
+    frame
+        The plan.
+    kind
+        One of `DEFORMATIONS`: ``"sag"``, ``"warp"`` (`smooth_warp`), ``"rigid"`` (`random_rigid_motion`) or
+        ``"tip-load"`` (`tip_load`).
+    settings
+        The peak and the seed, and for beams how they harden.
+    direction_deg
+        Of a tip load.
+    progress
+        See `ProgressCallback`.
+
+    Raises
+    ------
+    InputError
+        As the function of that kind.
+    Cancelled
+        If ``progress`` returns ``False``.
+    """
+    if kind == "sag":
+        return sag(frame, settings, progress)
+    report(progress, Progress("deforming", 0, 1))
+    if kind == "tip-load":
+        return tip_load(frame, settings, direction_deg=direction_deg)
+    if kind == "warp":
+        return smooth_warp(frame, settings.peak_of(frame), settings.seed)
+    if kind == "rigid":
+        return random_rigid_motion(frame, settings.peak_of(frame), settings.seed)
+    raise ValueError(f"a deformation is one of {', '.join(DEFORMATIONS)}, not {kind!r}")
 
 
 def rigid_motion(
@@ -58,6 +106,31 @@ def rigid_motion(
         vertices=(frame.vertices - centre) @ rotation.T + centre + offset,
         control_points=(frame.control_points - centre) @ rotation.T + centre + offset,
     )
+
+
+def random_rigid_motion(frame: Wireframe, peak: float, seed: int = 0) -> Wireframe:
+    """Shift and turn the whole frame, half of the way by each, until its furthest point moved ``peak`` mm.
+
+    Raises
+    ------
+    InputError
+        If the peak is more than three quarters of the extent: the frame would lie somewhere else.
+    """
+    if not 0.0 < peak <= 0.75 * frame.extent:
+        raise InputError.at("settings", "peak", f"is {peak:g} mm", f"give millimetres up to {0.75 * frame.extent:.4g}")
+    rng = np.random.default_rng(seed)
+    shift, axis = rng.normal(size=(2, 3))
+    shift *= 0.5 * peak / np.linalg.norm(shift)
+    arm = np.linalg.norm(np.ptp(frame.bounds, axis=0)) / 2.0
+    axis *= np.degrees(0.5 * peak / arm) / np.linalg.norm(axis)
+
+    def moved(scale: float) -> Wireframe:
+        return rigid_motion(frame, tuple(scale * axis), tuple(scale * shift))
+
+    def excess(scale: float) -> float:
+        return largest_displacement(moved(scale).control_points - frame.control_points) - peak
+
+    return moved(brentq(excess, 0.0, 4.0, xtol=1e-13, rtol=1e-12))
 
 
 def smooth_warp(frame: Wireframe, peak: float, seed: int = 0) -> Wireframe:

@@ -9,12 +9,13 @@ itself, as a share of the strut's length, and the stiffness follows from it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.stiffness import FrameBeams, Material
+from frametwin.ranges import Share, above, between, check_settings, in_words, rising
 
 CLAMPED = 1.0 / 384.0
 """Middle deflection of a beam clamped at both ends under an even load, in q L^4 / (E I)."""
@@ -47,25 +48,22 @@ class Hardening:
         displacement to itself.
     """
 
-    unhardened_fraction: float = 0.25
-    unhardened_sag: tuple[float, float] = (0.02, 0.08)
-    unhardened_stiffness: tuple[float, float] = (1e-3, 0.2)
-    softest_axial: float = 0.1
-    longest_span: float = 2.0
+    unhardened_fraction: Share = 0.25
+    unhardened_sag: Annotated[
+        tuple[Annotated[float, between(0.0, 1.0)], Annotated[float, between(0.0, 1.0)]],
+        rising,
+        in_words("two rising shares between 0 and 1"),
+    ] = (0.02, 0.08)
+    unhardened_stiffness: Annotated[
+        tuple[Annotated[float, above(0.0, up_to=1.0)], Annotated[float, above(0.0, up_to=1.0)]],
+        rising,
+        in_words("two rising numbers above 0 and up to 1"),
+    ] = (1e-3, 0.2)
+    softest_axial: Annotated[float, above(0.0, up_to=1.0)] = 0.1
+    longest_span: Annotated[float, above(0.0)] = 2.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.unhardened_fraction <= 1.0:
-            raise _refuse("unhardened_fraction", self.unhardened_fraction, "give a share between 0 and 1")
-        low, high = self.unhardened_sag
-        if not 0.0 < low <= high < 1.0:
-            raise _refuse("unhardened_sag", self.unhardened_sag, "give two rising shares between 0 and 1")
-        low, high = self.unhardened_stiffness
-        if not 0.0 < low <= high <= 1.0:
-            raise _refuse("unhardened_stiffness", (low, high), "give two rising numbers above 0 and up to 1")
-        if not 0.0 < self.softest_axial <= 1.0:
-            raise _refuse("softest_axial", self.softest_axial, "give a number above 0 and up to 1")
-        if not self.longest_span > 0.0:
-            raise _refuse("longest_span", self.longest_span, "give a number above 0")
+        check_settings(self)
 
     def draw(self, frame: Wireframe, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Draw which struts are unhardened and how far those sag.
@@ -156,7 +154,3 @@ def _own_sag(frame: Wireframe, material: Material) -> np.ndarray:
     # q L^4 / (E I) with q = weight * pi r^2 and I = pi r^4 / 4
     sag = 4.0 * material.weight * frame.lengths**4 / (material.young * frame.radius**2)
     return sag * np.where(loose[frame.edges].any(axis=1), CANTILEVER, CLAMPED)
-
-
-def _refuse(field: str, value: object, remedy: str) -> InputError:
-    return InputError.at("settings", field, f"is {value}", remedy)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.optimize import brentq
@@ -16,6 +17,7 @@ from frametwin.mechanics.hardening import Hardening, strut_stiffness
 from frametwin.mechanics.pynite_engine import solve_with_pynite
 from frametwin.mechanics.stiffness import PLA, FrameBeams, Material, require_grounded
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, above, check_settings, one_of, within
 
 PYNITE_BEAMS = 5000
 """Most beams that are left to PyNite unless it is asked for by name: a frame of 4,164 straight struts takes
@@ -54,25 +56,16 @@ class SagSettings:
         If a value is out of its range.
     """
 
-    peak: float | None = None
-    peak_fraction: float = 0.07
+    peak: Annotated[float, above(0.0)] | None = None
+    peak_fraction: Annotated[float, above(0.0, up_to=10.0)] = 0.07
     hardening: Hardening = Hardening()
-    seed: int = 0
+    seed: Seed = 0
     material: Material = PLA
-    pieces: int = 4
-    engine: str = "auto"
+    pieces: Annotated[int, within(1, 1000)] = 4
+    engine: Annotated[str, one_of(ENGINES)] = "auto"
 
     def __post_init__(self) -> None:
-        for field in ("peak", "peak_fraction"):
-            value = getattr(self, field)
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise InputError.at("settings", field, f"is {value}", "give a number above 0")
-        if self.seed < 0:
-            raise InputError.at("settings", "seed", f"is {self.seed}", "give a whole number from 0 up")
-        if self.pieces < 1:
-            raise InputError.at("settings", "pieces", f"is {self.pieces}", "give a whole number above 0")
-        if self.engine not in ENGINES:
-            raise InputError.at("settings", "engine", f"is {self.engine!r}", f"give one of {', '.join(ENGINES)}")
+        check_settings(self)
 
     def peak_of(self, frame: Wireframe) -> float:
         """Largest displacement in mm for ``frame``."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy import sparse
 
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import ROUNDING, is_straight
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import (
     Chains,
@@ -18,6 +20,8 @@ from frametwin.mechanics.beams import (
     displacement_along,
     solve_clamped,
 )
+from frametwin.ranges import above, between, check_settings
+from frametwin.wording import listed
 
 GRAVITY = 9.80665
 """Standard gravity in m/s^2."""
@@ -37,17 +41,12 @@ class Material:
         Density in g/cm^3.
     """
 
-    young: float = 3500.0
-    poisson: float = 0.35
-    density: float = 1.24
+    young: Annotated[float, above(0.0)] = 3500.0
+    poisson: Annotated[float, between(-1.0, 0.5)] = 0.35
+    density: Annotated[float, above(0.0)] = 1.24
 
     def __post_init__(self) -> None:
-        for field in ("young", "density"):
-            value = getattr(self, field)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError.at("material", field, f"is {value}", "give a number above 0")
-        if not -1.0 < self.poisson < 0.5:
-            raise InputError.at("material", "poisson", f"is {self.poisson}", "give a number between -1 and 0.5")
+        check_settings(self, "material")
 
     @property
     def shear(self) -> float:
@@ -58,11 +57,6 @@ class Material:
     def weight(self) -> float:
         """Weight of a volume in N/mm^3."""
         return 1e-6 * self.density * GRAVITY
-
-    @property
-    def mass(self) -> float:
-        """Mass of a volume in t/mm^3, the unit that goes with N and mm."""
-        return 1e-9 * self.density
 
 
 PLA = Material()
@@ -139,7 +133,7 @@ class FrameBeams:
         sections = replace(sections, axial=material.young * axial * np.pi * frame.radius**2)
         if load is None:
             load = _down(material.weight * np.pi * frame.radius**2 * (0.0 if weightless else 1.0))
-        curved = curved_struts(frame)
+        curved = ~is_straight(frame.control_points, ROUNDING * frame.chord_lengths)
         groups = []
         for mask, count in ((~curved, 1), (curved, pieces)):
             struts = np.flatnonzero(mask & frame.printed)
@@ -159,7 +153,15 @@ class FrameBeams:
         return sum(len(g.struts) * (g.chains.points.shape[1] - 1) for g in self.groups)
 
     def stiffness(self) -> sparse.csc_matrix:
-        """Stiffness (6 V, 6 V) of the joints; rows and columns of joints without printed struts are empty."""
+        """Stiffness of the joints, before any of them is held.
+
+        Returns
+        -------
+        (6 V, 6 V) sparse matrix
+            Symmetric and positive semi-definite; vertex v owns rows 6 v .. 6 v + 5 (ux uy uz rx ry rz). N/mm between
+            displacements, N between displacements and rotations, N mm between rotations. Rows and columns of joints
+            without printed struts are empty.
+        """
         matrix = sparse.csc_matrix((6 * self.frame.vertex_count,) * 2)
         for group in self.groups:
             edges = self.frame.edges[group.struts]
@@ -238,56 +240,6 @@ def _factors(frame: Wireframe, field: str, values: np.ndarray | None) -> np.ndar
     return factors
 
 
-def curved_struts(frame: Wireframe) -> np.ndarray:
-    """(E,) bool: the strut leaves its chord by more than 1e-9 of its length, or runs back along it."""
-    start, end = frame.control_points[:, 0], frame.control_points[:, 3]
-    axis = end - start
-    inner = frame.control_points[:, 1:3] - start[:, None]
-    share = np.einsum("eik,ek->ei", inner, axis) / np.sum(axis**2, axis=1)[:, None]
-    beside = np.linalg.norm(inner - share[:, :, None] * axis[:, None], axis=2).max(axis=1)
-    back = (share < 0.0).any(axis=1) | (share > 1.0).any(axis=1)
-    return back | (beside > 1e-9 * np.linalg.norm(axis, axis=1))
-
-
-def stiffness_matrix(
-    frame: Wireframe,
-    stiffness_scale: np.ndarray | None = None,
-    *,
-    material: Material = PLA,
-    pieces: int = 4,
-) -> sparse.csc_matrix:
-    """Stiffness of the frame's joints, before any joint is held.
-
-    Parameters
-    ----------
-    frame
-        The frame at rest; only printed struts carry.
-    stiffness_scale
-        (E,) factors on the stiffness of the struts; default ones.
-    material
-        Of all struts.
-    pieces
-        Straight beams along a curved strut, condensed to its ends.
-
-    Returns
-    -------
-    (6 V, 6 V) symmetric, positive semi-definite; vertex v owns rows 6 v .. 6 v + 5 (ux uy uz rx ry rz). N/mm
-    between displacements, N between displacements and rotations, N mm between rotations.
-
-    Raises
-    ------
-    InputError
-        If ``stiffness_scale`` is not (E,) or not above 0.
-    """
-    beams = FrameBeams.build(frame, stiffness_scale, material=material, weightless=True, pieces=pieces)
-    return beams.stiffness()
-
-
-def gravity_loads(frame: Wireframe, *, material: Material = PLA, pieces: int = 4) -> np.ndarray:
-    """Forces in N and moments in N mm (V, 6) that the weight of the printed struts puts on the joints."""
-    return FrameBeams.build(frame, material=material, pieces=pieces).loads()
-
-
 def require_grounded(frame: Wireframe) -> None:
     """Check that every printed strut is connected to a grounded vertex by printed struts.
 
@@ -309,10 +261,9 @@ def require_grounded(frame: Wireframe) -> None:
     held[labels[part.grounded]] = True
     loose = np.flatnonzero(~held[labels[part.edges[:, 0]]])
     if len(loose):
-        some = ", ".join(str(edge_ids[i]) for i in loose[:5]) + (" ..." if len(loose) > 5 else "")
         raise InputError.at(
             frame.name,
             "edges",
-            f"{len(loose)} printed struts have no connection to a grounded vertex (struts {some})",
+            f"{len(loose)} printed struts have no connection to a grounded vertex ({listed(edge_ids[loose], 5)})",
             "connect them, mark one of their vertices as grounded, or mark them as not printed",
         )

@@ -14,6 +14,7 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import chords_needed
 from frametwin.geometry.radii import radii_at
 from frametwin.geometry.wireframe import Wireframe
 
@@ -89,9 +90,7 @@ def _piece_counts(curves: np.ndarray, span: np.ndarray, radii: np.ndarray, taper
     """(E,) number of pieces of each strut, a power of two."""
     part = span[:, 1] - span[:, 0]
     thinnest = radii.min(axis=1)
-    # A chord over the parameter step h leaves the curve by at most h^2 / 8 times the second derivative.
-    second = 6.0 * np.linalg.norm(np.diff(curves, n=2, axis=1), axis=2).max(axis=1, initial=0.0)
-    bent = part * np.sqrt(second / (8.0 * CHORD * thinnest))
+    bent = part * chords_needed(curves, CHORD * thinnest)
     long = part * bezier.arc_length(curves) / (LONGEST * thinnest)
     needed = np.maximum(np.maximum(bent, long), np.where(tapered, TAPERED_PIECES, 1))
     return np.minimum(2 ** np.ceil(np.log2(needed)).astype(np.int64), MOST_PIECES)

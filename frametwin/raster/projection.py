@@ -138,7 +138,7 @@ def low_pass(
     Returns
     -------
     means, conics, opacity
-        (V, N, 2), (V, N, 3) and (V, N) as `frametwin.raster.splat` takes them; conics of unseen kernels are
+        (V, N, 2), (V, N, 3) and (V, N) as `frametwin.raster.splat.splat_flat` takes them; conics of unseen kernels are
         zeros.
     """
     xx, xy, yy = projected.covariances.unbind(-1)

@@ -16,8 +16,8 @@ Geometry is in float64, pictures are float32. All views lie in one flat buffer: 
 point at the normalised distance rho from the axis is seen at rho (1 + k1 rho^2). Everything is deterministic:
 threads share views when they write pictures and struts when they gather.
 
-All of it is in one file on purpose: compiled code is cached by file, and a helper in another one could change without
-the loops that hold a copy of it being compiled anew.
+Helpers and constants are in this file too, and nowhere else: numba keeps machine code until the file of the function
+that is called changes, and would not notice an edit elsewhere (``tests/test_compiled_code.py`` sees to it).
 """
 
 from __future__ import annotations

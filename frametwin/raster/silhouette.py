@@ -16,15 +16,13 @@ import numpy as np
 from frametwin.cameras import Camera, packed
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import ROUNDING, is_straight
 from frametwin.geometry.radii import radii_at
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
 
 CHORDS = 32
 """Straight pieces of a curved strut; a straight strut takes one."""
-
-STRAIGHT = 1e-9
-"""A strut is straight when its control points leave the chord by less than this share of its length."""
 
 
 @nb.njit(cache=True)
@@ -160,9 +158,8 @@ def _pieces(
     radii = np.repeat(frame.radius[:, None], 2, axis=1) if thickness is None else np.asarray(thickness, dtype=float)
     there = frame.printed & (interval[:, 1] > interval[:, 0])
     control, interval, radii = frame.control_points[there], interval[there], radii[there]
-    thirds = np.linspace(control[:, 0], control[:, 3], 4, axis=1)
-    bend = np.abs(control - thirds).max(axis=(1, 2), initial=0.0)
-    straight = bend < STRAIGHT * np.linalg.norm(control[:, 3] - control[:, 0], axis=1)
+    chords = np.linalg.norm(control[:, 3] - control[:, 0], axis=1)
+    straight = is_straight(control, ROUNDING * chords, even=True)
     even = np.ptp(radii, axis=1) == 0.0
     kinks = np.linspace(0.0, 1.0, radii.shape[1])
     starts, ends, widths = [], [], []

@@ -32,11 +32,29 @@ class _Splat(torch.autograd.Function):
 
 
 def splat_flat(means: Tensor, conics: Tensor, opacity: Tensor, sizes: Sequence[tuple[int, int]]) -> Tensor:
-    """As `splat`, with the pictures of all views one after another in one vector.
+    """Pictures of anchored Gaussian kernels of grey value 1, one after another; see `frametwin.raster.gaussian`.
+
+    Parameters
+    ----------
+    means : (V, N, 2) tensor, pixels
+        2D means, centres of pixels at +0.5.
+    conics : (V, N, 3) tensor, pixel^-2
+        Inverse 2D covariances A, B, C; zeros for kernels that the view does not see.
+    opacity : (V, N) tensor, 0..1
+    sizes
+        Height and width of each of the V views, which may differ.
 
     Returns
     -------
-    (sum of height x width,) float32.
+    pictures : (sum of height x width,) tensor, float32
+        Gradients flow to means, conics and opacity.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit each other.
+    FloatingPointError
+        If an input is not finite.
     """
     shape = (len(sizes), means.shape[1])
     if means.shape != (*shape, 2) or conics.shape != (*shape, 3) or opacity.shape != shape:
@@ -49,29 +67,3 @@ def splat_flat(means: Tensor, conics: Tensor, opacity: Tensor, sizes: Sequence[t
             raise FloatingPointError(f"the {name} of the kernels hold values that are not finite")
     table = np.array(sizes, dtype=np.int64).reshape(-1, 2)
     return _Splat.apply(means, conics, opacity, table)
-
-
-def splat(means: Tensor, conics: Tensor, opacity: Tensor, sizes: Sequence[tuple[int, int]]) -> list[Tensor]:
-    """Pictures of anchored Gaussian kernels of grey value 1; see `frametwin.raster.gaussian`.
-
-    Parameters
-    ----------
-    means : (V, N, 2) 2D means in pixels, centres at +0.5.
-    conics : (V, N, 3) inverse 2D covariances A, B, C; zeros for kernels that the view does not see.
-    opacity : (V, N) 0..1.
-    sizes : height and width of each of the V views, which may differ.
-
-    Returns
-    -------
-    V float32 pictures (H, W). Gradients flow to means, conics and opacity.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit each other.
-    FloatingPointError
-        If an input is not finite.
-    """
-    flat = splat_flat(means, conics, opacity, sizes)
-    counts = [height * width for height, width in sizes]
-    return [part.view(size) for part, size in zip(flat.split(counts), map(tuple, sizes), strict=True)]

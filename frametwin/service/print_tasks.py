@@ -135,7 +135,6 @@ def simulate(
             progress=progress,
         )
         draw_print(folder / PICTURE, simulated)
-    told = simulated.as_dict()
-    if told["held"] is not None:
-        told["held"] = told["held"].replace(str(folder), str(out))  # of the folder that stood in for it
-    return {"out": out, **told}
+    if simulated.held is not None:
+        simulated.held.rename(str(folder), str(out))  # of the folder that stood in for it
+    return {"out": out, **simulated.as_dict()}

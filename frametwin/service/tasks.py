@@ -9,9 +9,8 @@ import numpy as np
 
 from frametwin.checked_json import convert_fields
 from frametwin.errors import InputError
-from frametwin.formats import frame_json, read_frame, write_frame
+from frametwin.formats import find_frame, frame_json, write_frame
 from frametwin.geometry.displacement import largest_displacement
-from frametwin.geometry.parametric import FRAMES, named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 from frametwin.twin.blending import blend
@@ -191,9 +190,7 @@ def frame_of(value: str | dict[str, Any]) -> Wireframe:
     """
     if isinstance(value, dict):
         return frame_json.parse({"name": "frame", **value}, "frame of the request")
-    if value in FRAMES and not Path(value).exists():
-        return named_frame(value)
-    return read_frame(value)
+    return find_frame(value)
 
 
 def _deformed(

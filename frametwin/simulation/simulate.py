@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-from scipy.optimize import brentq
 
 from frametwin.cameras import Camera
-from frametwin.cameras.rigs import dome_rig, ring_rig
+from frametwin.cameras.rigs import RIGS, box_around
 from frametwin.capture.capture import write_capture
-from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.formats import defects_json
 from frametwin.geometry.displacement import largest_displacement
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.deformations import rigid_motion, smooth_warp, tip_load
-from frametwin.mechanics.sag import SagSettings, simulate_sag
-from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.mechanics.deformations import DEFORMATIONS, deform
+from frametwin.mechanics.sag import SagSettings
+from frametwin.progress import ProgressCallback
+from frametwin.ranges import Seed, above, at_least, check_settings, in_words, one_of, within
 from frametwin.raster.silhouette import silhouettes
 from frametwin.simulation.defects import drop_struts
 from frametwin.simulation.print_order import print_share
 
-RIGS: dict[str, Callable[..., tuple[Camera, ...]]] = {"ring": ring_rig, "dome": dome_rig}
-DEFORMATIONS = ("sag", "warp", "rigid", "tip-load")
 NOTES_FILE = "simulation.json"
 
 
@@ -64,45 +61,22 @@ class SimulationSettings:
         If a value is out of its range.
     """
 
-    views: int = 8
-    size: tuple[int, int] = (1200, 1600)
-    peak: float | None = None
-    seed: int = 0
-    missing: int = 0
-    missing_share: float = 0.5
-    printed: float | None = None
-    rig: str = "ring"
-    deformation: str = "sag"
-    supersampling: int = 1
+    views: Annotated[int, within(2, 1000), in_words("a whole number from 2 to 1000, 8 are usual")] = 8
+    size: Annotated[
+        tuple[Annotated[int, within(8, 16384)], Annotated[int, within(8, 16384)]],
+        in_words("height and width from 8 to 16384 pixels"),
+    ] = (1200, 1600)
+    peak: Annotated[float, above(0.0, noun="millimetres")] | None = None
+    seed: Seed = 0
+    missing: Annotated[int, at_least(0)] = 0
+    missing_share: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 0.5
+    printed: Annotated[float, above(0.0, up_to=1.0, noun="a share")] | None = None
+    rig: Annotated[str, one_of(RIGS)] = "ring"
+    deformation: Annotated[str, one_of(DEFORMATIONS)] = "sag"
+    supersampling: Annotated[int, within(1, 16)] = 1
 
     def __post_init__(self) -> None:
-        rules = (
-            ("views", 2 <= self.views <= 1000, "give a whole number from 2 to 1000, 8 are usual"),
-            (
-                "size",
-                len(self.size) == 2 and all(8 <= side <= 16384 for side in self.size),
-                "give height and width from 8 to 16384 pixels",
-            ),
-            (
-                "peak",
-                self.peak is None or (np.isfinite(self.peak) and self.peak > 0.0),
-                "give millimetres above 0",
-            ),
-            ("seed", self.seed >= 0, "give a whole number from 0 up"),
-            ("missing", self.missing >= 0, "give a whole number from 0 up"),
-            ("missing_share", 0.0 < self.missing_share <= 1.0, "give a share above 0 and up to 1"),
-            (
-                "printed",
-                self.printed is None or 0.0 < self.printed <= 1.0,
-                "give a share above 0 and up to 1",
-            ),
-            ("rig", self.rig in RIGS, f"give one of {', '.join(RIGS)}"),
-            ("deformation", self.deformation in DEFORMATIONS, f"give one of {', '.join(DEFORMATIONS)}"),
-            ("supersampling", 1 <= self.supersampling <= 16, "give a whole number from 1 to 16"),
-        )
-        for field, fine, remedy in rules:
-            if not fine:
-                raise InputError.at("settings", field, f"is {getattr(self, field)!r}", remedy)
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,11 +142,8 @@ def simulate(
     # A seed of its own: with the same one, the struts that are missing would be those that are soft.
     defect_seed = int(np.random.SeedSequence(settings.seed).generate_state(1)[0])
     present, _ = drop_struts(plan, settings.missing, defect_seed, share=settings.missing_share)
-    truth = _deformed(plan, settings, progress)
-    bounds = np.stack([plan.bounds, truth.bounds])  # (2 frames, 2, 3)
-    reach = float(plan.radius.max())
-    box = np.stack([bounds[:, 0].min(axis=0) - reach, bounds[:, 1].max(axis=0) + reach])
-    cameras = RIGS[settings.rig](box, settings.views, size=settings.size)
+    truth = deform(plan, settings.deformation, SagSettings(peak=settings.peak, seed=settings.seed), progress=progress)
+    cameras = RIGS[settings.rig](box_around(plan, truth), settings.views, size=settings.size)
     images = silhouettes(truth, cameras, present=present, supersampling=settings.supersampling, progress=progress)
     return Simulation(plan, truth, cameras, images, present, settings)
 
@@ -207,40 +178,3 @@ def write_simulation(folder: PathLike, simulation: Simulation, overwrite: bool =
         extra=extra,
         overwrite=overwrite,
     )
-
-
-def _deformed(plan: Wireframe, settings: SimulationSettings, progress: ProgressCallback | None) -> Wireframe:
-    sag = SagSettings(peak=settings.peak, seed=settings.seed)
-    if settings.deformation == "sag":
-        return simulate_sag(plan, sag, progress).frame
-    report(progress, Progress("deforming", 0, 1))
-    if settings.deformation == "tip-load":
-        return tip_load(plan, sag)
-    if settings.deformation == "warp":
-        return smooth_warp(plan, sag.peak_of(plan), settings.seed)
-    return random_rigid_motion(plan, sag.peak_of(plan), settings.seed)
-
-
-def random_rigid_motion(frame: Wireframe, peak: float, seed: int = 0) -> Wireframe:
-    """Shift and turn the whole frame, half of the way by each, until its furthest point moved ``peak`` mm.
-
-    Raises
-    ------
-    InputError
-        If the peak is more than three quarters of the extent: the frame would lie somewhere else.
-    """
-    if not 0.0 < peak <= 0.75 * frame.extent:
-        raise InputError.at("settings", "peak", f"is {peak:g} mm", f"give millimetres up to {0.75 * frame.extent:.4g}")
-    rng = np.random.default_rng(seed)
-    shift, axis = rng.normal(size=(2, 3))
-    shift *= 0.5 * peak / np.linalg.norm(shift)
-    arm = np.linalg.norm(np.ptp(frame.bounds, axis=0)) / 2.0
-    axis *= np.degrees(0.5 * peak / arm) / np.linalg.norm(axis)
-
-    def moved(scale: float) -> Wireframe:
-        return rigid_motion(frame, tuple(scale * axis), tuple(scale * shift))
-
-    def excess(scale: float) -> float:
-        return largest_displacement(moved(scale).control_points - frame.control_points) - peak
-
-    return moved(brentq(excess, 0.0, 4.0, xtol=1e-13, rtol=1e-12))

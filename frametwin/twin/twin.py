@@ -1,4 +1,4 @@
-"""The digital twin of a print, and its file ``twin.json`` (format ``frametwin-twin``, version 1)."""
+"""The digital twin of a print, and its file ``twin.json`` (format ``frametwin-twin``, version 2; 1 is still read)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from frametwin.arrays import checked_array
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.verdict import Verdict
 
 FORMAT = "frametwin-twin"
-VERSION = 1
+VERSION = 2
 FILE_NAME = "twin.json"
 
 
@@ -39,6 +40,17 @@ class Twin:
         (E,) share of the strut that is really there, 0..1; 0 where it is not printed.
     confidence
         (E,) how well the views determine the strut, 0 or more.
+    sigma_across, sigma_along
+        (E,) standard deviation of the strut across and along itself in mm; ``None`` where nothing is known of it.
+    joint_radius
+        (V,) radius of the material at each joint in mm; ``None`` likewise.
+    cameras
+        What was corrected of each camera, and by how many standard deviations of its rig.
+    views
+        Of each view its name, whether it was used, and the shares of its white that the twin does not explain and of
+        the twin that it does not show.
+    verdict
+        Whether the twin is to be trusted.
     loss
         Image loss after each iteration.
     timing
@@ -58,6 +70,12 @@ class Twin:
     opacity: np.ndarray
     completeness: np.ndarray
     confidence: np.ndarray
+    sigma_across: np.ndarray | None = None
+    sigma_along: np.ndarray | None = None
+    joint_radius: np.ndarray | None = None
+    cameras: Sequence[Mapping[str, Any]] = ()
+    views: Sequence[Mapping[str, Any]] = ()
+    verdict: Verdict = Verdict()
     loss: Sequence[float] = ()
     timing: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -89,11 +107,22 @@ class Twin:
                 "confidence",
             ),
         }
+        joints = len(arrays["vertices"])
+        for name, count in (("sigma_across", struts), ("sigma_along", struts), ("joint_radius", joints)):
+            if getattr(self, name) is not None:
+                values = checked_array(getattr(self, name), "f", (count,), source, name)
+                arrays[name] = _in_range(values, math.inf, source, name)
         for name, value in arrays.items():
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         loss = checked_array(list(self.loss), "f", (None,), source, "loss")
         object.__setattr__(self, "loss", tuple(loss.tolist()))
+        for name in ("cameras", "views"):
+            items = getattr(self, name)
+            if not isinstance(items, Sequence) or not all(isinstance(item, Mapping) for item in items):
+                raise InputError.at(source, name, "is not a list of objects", "write [{...}, ...]")
+            object.__setattr__(self, name, tuple(dict(item) for item in items))
+        object.__setattr__(self, "verdict", Verdict.checked(self.verdict, source))
         for name in ("timing", "provenance"):
             value = getattr(self, name)
             if not isinstance(value, Mapping):
@@ -141,6 +170,7 @@ class Twin:
 
 
 _FIELDS = tuple(item.name for item in fields(Twin))
+_SINCE_2 = ("sigma_across", "sigma_along", "joint_radius", "cameras", "views", "verdict")
 
 
 def _in_range(values: np.ndarray, highest: float, source: str, name: str) -> np.ndarray:
@@ -170,7 +200,8 @@ def write_twin(folder: PathLike, twin: Twin) -> Path:
         If ``timing`` or ``provenance`` hold a NaN or an infinity.
     """
     path = Path(folder) / FILE_NAME
-    write_json(path, {"format": FORMAT, "version": VERSION, **{name: getattr(twin, name) for name in _FIELDS}})
+    content = {name: getattr(twin, name) for name in _FIELDS} | {"verdict": dataclasses.asdict(twin.verdict)}
+    write_json(path, {"format": FORMAT, "version": VERSION, **content})
     return path
 
 
@@ -185,13 +216,14 @@ def read_twin(path: PathLike) -> Twin:
     file = Path(path)
     file = file / FILE_NAME if file.is_dir() else file
     data = read_json(file)
-    check_format(data, file, FORMAT, VERSION)
-    for name in _FIELDS:
+    version = check_format(data, file, FORMAT, VERSION, oldest=1)
+    wanted = [name for name in _FIELDS if version > 1 or name not in _SINCE_2]
+    for name in wanted:
         if name not in data:
             raise InputError.at(file, name, "is missing", "fit the capture again")
-    unknown = [key for key in data if key not in (*_FIELDS, "format", "version")]
+    unknown = [key for key in data if key not in (*wanted, "format", "version")]
     if unknown:
         raise InputError.at(file, unknown[0], "is not a field of a twin file", "remove it")
     if not isinstance(data["loss"], list):
         raise InputError.at(file, "loss", "is not a list", "write the loss after each iteration as [number, ...]")
-    return Twin(**{name: data[name] for name in _FIELDS}, source=str(file))
+    return Twin(**{name: data[name] for name in wanted}, source=str(file))

@@ -23,7 +23,7 @@ from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
-from frametwin.errors import Cancelled, FrameTwinError, InputError
+from frametwin.errors import FrameTwinError, InputError, error_from
 from frametwin.progress import Progress, ProgressCallback
 from frametwin.worker.child import Child
 from frametwin.worker.event_queue import Event, EventQueue
@@ -228,7 +228,7 @@ class WorkerClient:
 
         Raises
         ------
-        InputError, Cancelled
+        InputError, Held, Cancelled
             As the job.
         FrameTwinError
             If the job fails otherwise, or the worker ends.
@@ -292,10 +292,9 @@ class WorkerClient:
         self._events.put({"event": _GONE})
 
 
-def error_of(event: Event) -> FrameTwinError:
-    """The exception for an ``error`` event."""
-    kinds: dict[str, type[FrameTwinError]] = {"input": InputError, "cancelled": Cancelled}
-    error = kinds.get(event["kind"], FrameTwinError)(event["message"])
+def error_of(event: Mapping[str, Any]) -> FrameTwinError:
+    """The exception for an ``error`` event, with the parts of its sentence."""
+    error = error_from(event)
     if event.get("details"):
         error.add_note(event["details"])
     return error

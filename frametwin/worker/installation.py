@@ -14,7 +14,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -253,8 +253,3 @@ def _clear(folder: Path) -> None:
         raise InputError.at(folder, "folder", "holds something else than an environment", "choose another folder")
     shutil.rmtree(folder)
     folder.mkdir(parents=True)
-
-
-def last_lines(installer: Installer, count: int = 6) -> Iterator[str]:
-    """The end of the log."""
-    yield from list(installer.log)[-count:]

@@ -14,12 +14,20 @@ Events, on its standard output::
     {"event": "progress", "id": "7", "stage": ..., "iteration": 3, "total": 40, "loss": 0.01 or null}
     {"event": "curves", "id": "7", ...as progress..., "control_points": array}
     {"event": "result", "id": "7", "result": {...}}
-    {"event": "error", "id": "7" or null, "kind": "input", "message": "One sentence.", "details": traceback}
+    {"event": "error", "id": "7" or null, "kind": "input", "message": "One sentence.", ...}
 
 ``curves`` come a few times a second, if the request asks for them: (E, 4, 3) in mm, of the printed struts in the
-frame's order. Every job ends with one ``result`` or one ``error``. Kinds of errors: ``input`` (the parameters, or a
-file that they name), ``cancelled``, ``failed`` (anything else; with details if nobody foresaw it), ``protocol`` (a line
-that is no request; the id is null if it cannot be told). One job runs at a time, the others wait in their order.
+frame's order. Every job ends with one ``result`` or one ``error``. Kinds of errors:
+
+- ``input``: the parameters, or a file that they name, cannot be used;
+- ``held``: a print job stops, as printing on would build on something else than what is there; ``doubts`` is a list of
+  objects with ``kind``, ``problem`` and ``remedy``, whose kinds are what ``print-next`` can ``accept``;
+- ``cancelled``;
+- ``failed``: anything else, with the traceback as ``details`` if nobody foresaw it;
+- ``protocol``: a line that is no request; the id is null if it cannot be told.
+
+Where they are known, an error also has the parts of its sentence: ``source`` (a file, or another name), ``field``,
+``problem`` and ``remedy``. One job runs at a time, the others wait in their order.
 
 Arrays, in both directions: ``{"dtype": "<f4", "shape": [12, 4, 3], "base64": "..."}``, C order, little-endian.
 """
@@ -44,7 +52,7 @@ LONGEST_LINE = 1 << 26
 DTYPES = ("<f4", "<f8", "<i4", "<i8", "|b1", "|u1")
 _ARRAY_KEYS = {"dtype", "shape", "base64"}
 
-KINDS = ("input", "cancelled", "failed", "protocol")
+KINDS = ("input", "held", "cancelled", "failed", "protocol")
 
 
 class ProtocolError(ValueError):

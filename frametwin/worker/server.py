@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 from frametwin import __version__
-from frametwin.errors import Cancelled, FrameTwinError, InputError
+from frametwin.errors import Cancelled, FrameTwinError
 from frametwin.progress import Progress
 from frametwin.worker.job_table import JOBS, run_job
 from frametwin.worker.protocol import PROTOCOL, ProtocolError, decode, finite
@@ -101,9 +101,8 @@ def _task_of(key: str, message: dict[str, Any]) -> Task:
     return Task(key, request, parameters, curves)
 
 
-def _error(key: str | None, kind: str, message: str, details: str | None = None) -> dict[str, Any]:
-    event = {"event": "error", "id": key, "kind": kind, "message": " ".join(message.split())}
-    return event if details is None else {**event, "details": details}
+def _error(key: str | None, kind: str, message: str, **more: Any) -> dict[str, Any]:
+    return {"event": "error", "id": key, "kind": kind, "message": " ".join(message.split()), **more}
 
 
 class Worker:
@@ -239,22 +238,20 @@ class Worker:
             result = run_job(task.name, task.parameters, Reporter(task, self._out))
             return {"event": "result", "id": task.id, "result": result}
         except Cancelled as error:
-            return _error(task.id, "cancelled", f"{task.name} was cancelled: {error}.")
-        except InputError as error:
-            return _error(task.id, "input", str(error))
+            return _error(task.id, error.kind, f"{task.name} was cancelled: {error}.")
         except FrameTwinError as error:
-            return _error(task.id, "failed", str(error))
+            return _error(task.id, **error.as_dict())
         except BaseException as error:
             problem = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             message = f"{task.name} failed unexpectedly ({problem})."
-            return _error(task.id, "failed", message, traceback.format_exc())
+            return _error(task.id, "failed", message, details=traceback.format_exc())
 
     def _send_last(self, task: Task, event: dict[str, Any]) -> None:
         try:
             self._out.send(event)
         except (TypeError, ValueError) as error:
             message = f"{task.name} failed unexpectedly (its result cannot be sent: {error})."
-            self._out.send(_error(task.id, "failed", message, traceback.format_exc()))
+            self._out.send(_error(task.id, "failed", message, details=traceback.format_exc()))
 
 
 class Reporter:

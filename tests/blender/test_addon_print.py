@@ -22,7 +22,7 @@ from frametwin.blender.display.print_jobs import (
     place_shift,
 )
 from frametwin.blender.frames.curves import wireframe_from_curve, wireframe_to_curve
-from frametwin.capture.png import decode_png
+from frametwin.capture.image_files import decode_png
 from frametwin.geometry.parametric import named_frame
 from frametwin.printing.records.history import read_history
 

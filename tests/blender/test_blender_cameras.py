@@ -22,8 +22,8 @@ from frametwin.blender.views.rigs import cameras_from_collection, rig_around, ri
 from frametwin.blender.views.transforms import read_transforms, write_transforms
 from frametwin.cameras import Camera, look_at
 from frametwin.cameras.rigs import dome_rig, ring_rig
-from frametwin.capture.capture import read_cameras
 from frametwin.capture.image_files import write_png
+from frametwin.capture.transforms import read_cameras
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 

@@ -14,7 +14,7 @@ from frametwin.blender.rendering import photos, versions
 from frametwin.blender.rendering.render import render_scene
 from frametwin.blender.rendering.sensor import expose, tone_curve
 from frametwin.cameras import Camera
-from frametwin.capture.png import decode_png
+from frametwin.capture.image_files import decode_png
 from frametwin.capture.scene import PhotoLook, Scene
 from frametwin.errors import Cancelled
 

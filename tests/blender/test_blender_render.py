@@ -16,8 +16,7 @@ from frametwin.blender.rendering import render_job as jobs
 from frametwin.blender.rendering.console import quiet_console
 from frametwin.blender.rendering.render import render_scene
 from frametwin.cameras import Camera, look_at
-from frametwin.capture.image_files import image_size
-from frametwin.capture.png import PICTURE_CHUNKS, decode_png
+from frametwin.capture.image_files import PICTURE_CHUNKS, decode_png, image_size
 from frametwin.capture.scene import Scene
 from frametwin.errors import Cancelled, FrameTwinError, InputError
 from frametwin.geometry.wireframe import Wireframe

@@ -13,7 +13,7 @@ from worker_cases import worker_python
 
 from frametwin.blender.display.twins import RUN_KEY, find_twin, is_twin
 from frametwin.blender.frames.curves import wireframe_from_curve
-from frametwin.capture.png import decode_png
+from frametwin.capture.image_files import decode_png
 from frametwin.twin.runs import load_run
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "fit_capture.py"

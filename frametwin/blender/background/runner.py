@@ -19,7 +19,7 @@ import numpy as np
 from frametwin.blender.background.new_folder import NewFolder
 from frametwin.blender.background.stepwise import TURN
 from frametwin.errors import Cancelled, FrameTwinError
-from frametwin.worker.client import ENDED, WorkerClient
+from frametwin.worker.client import ENDED, WorkerClient, error_of
 
 EVENTS = 20
 """Most events that are looked at in one call of `Runner.pump`."""
@@ -272,7 +272,7 @@ class Runner:
             raise Cancelled
         if event["kind"] == ENDED:
             raise FrameTwinError(f"{event['message']} The next {self.status.title.lower()} starts a fresh one.")
-        raise FrameTwinError(event["message"])
+        raise error_of(event)
 
     def _arrived(self, result: dict[str, Any]) -> None:
         assert self._job is not None

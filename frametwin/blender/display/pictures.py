@@ -12,7 +12,7 @@ from frametwin.blender.display.twins import TwinObjects
 from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.blender.rendering.render_job import call_renderer
 from frametwin.blender.scene.units import mm_per_unit
-from frametwin.capture.png import strip_png
+from frametwin.capture.image_files import strip_png
 from frametwin.errors import FrameTwinError
 from frametwin.files import PathLike, write_bytes
 

@@ -10,6 +10,7 @@ from frametwin.blender.frames.welding import weld
 from frametwin.blender.scene.units import FLOAT32
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.flattening import is_straight
 from frametwin.geometry.wireframe import RADIUS_SHARE, Wireframe, lowest_vertices
 
 STRETCH = 4.0
@@ -151,8 +152,7 @@ class Graph:
 
 def looks_straight(control_points: np.ndarray) -> np.ndarray:
     """(N,) bool: the inner control points are on the thirds of the chord as far as single precision can tell."""
-    away = np.abs(control_points - bezier.straight(control_points[:, 0], control_points[:, 3])).max(axis=(1, 2))
-    return away <= 2.0 * FLOAT32 * np.abs(control_points).max(axis=(1, 2))
+    return is_straight(control_points, 2.0 * FLOAT32 * np.abs(control_points).max(axis=(1, 2)), even=True)
 
 
 def joined(

@@ -162,4 +162,4 @@ def read_blend(
     try:
         return plan_and_deformed(obj, frame_number, reading=reading)
     except InputError as error:
-        raise InputError(f"{file}: {error}") from error
+        raise error.inside(file) from error

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from frametwin.blender.rendering import engines, versions
 from frametwin.blender.rendering.render_job import RenderJob
-from frametwin.capture.png import strip_png
+from frametwin.capture.image_files import strip_png
 from frametwin.files import write_bytes
 
 COMPRESSION = 50

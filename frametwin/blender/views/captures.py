@@ -67,7 +67,7 @@ def show_pictures(collection: bpy.types.Collection, capture: PathLike, *, opacit
     InputError
         If the capture cannot be read, or no camera has the name of a picture.
     """
-    pictures = {view.image.stem: view.image for view in read_capture(capture).views}
+    pictures = {view.image.path.stem: view.image.path for view in read_capture(capture).views}
     found = 0
     for obj in cameras_in(collection.all_objects):
         names = (obj.name, str(obj.get("frametwin", {}).get("name", "")))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -10,14 +10,11 @@ import bpy
 from frametwin.blender.scene.collections import new_collection, remove_collection
 from frametwin.blender.views.cameras import activate, camera_from_blender, camera_to_blender, cameras_in
 from frametwin.cameras import Camera, read_colmap_text
-from frametwin.cameras.rigs import dome_rig, ring_rig, stepped_back
-from frametwin.capture.capture import read_cameras
+from frametwin.cameras.rigs import RIGS, stepped_back
+from frametwin.capture.transforms import read_cameras
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.geometry.wireframe import Wireframe
-
-RIGS: dict[str, Callable[..., tuple[Camera, ...]]] = {"ring": ring_rig, "dome": dome_rig}
-"""Rigs that can be put around a frame, by name."""
 
 
 def rig_to_blender(

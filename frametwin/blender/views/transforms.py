@@ -12,7 +12,7 @@ from frametwin.blender.views.backgrounds import add_background, check_shape
 from frametwin.blender.views.cameras import KEY, cameras_in
 from frametwin.blender.views.rigs import cameras_from_collection, rig_to_blender
 from frametwin.cameras import Camera, to_nerfstudio
-from frametwin.capture.capture import FORMAT, VERSION, read_cameras
+from frametwin.capture.transforms import FORMAT, VERSION, read_cameras
 from frametwin.errors import InputError
 from frametwin.files import PathLike, read_json, write_json
 from frametwin.geometry.wireframe import Wireframe

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frametwin.errors import InputError
 from frametwin.fields.base import DeformationField
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.ranges import Share, check_settings
 from frametwin.twin.blending import SAMPLES, blend
 from frametwin.twin.twin import Twin
 
@@ -31,14 +31,11 @@ class AdaptSettings:
         If a value is out of its range.
     """
 
-    completeness: float = 0.5
-    confidence: float = 0.02
+    completeness: Share = 0.5
+    confidence: Share = 0.02
 
     def __post_init__(self) -> None:
-        for field in ("completeness", "confidence"):
-            value = getattr(self, field)
-            if not 0.0 <= value <= 1.0:
-                raise InputError.at("settings", field, f"is {value}", "give a number between 0 and 1")
+        check_settings(self)
 
 
 def adapt(plan: Wireframe, twin: Twin, field: DeformationField, settings: AdaptSettings | None = None) -> Wireframe:

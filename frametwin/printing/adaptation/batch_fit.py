@@ -22,11 +22,14 @@ from frametwin.progress import ProgressCallback
 
 WARM: dict[str, Any] = {
     "refine": (
-        Stage(0.9, 1.5, 2, 4, 0.12, 1.2),
-        Stage(0.9, 1.0, 2, 4, 0.12, 0.4),
-        Stage(1.8, 0.7, 2, 6, 0.04, 0.12, 1.5),
+        Stage(detail=0.9, blur=1.5, iterations=2, pieces=4, pull=0.12, drag=1.2),
+        Stage(detail=0.9, blur=1.0, iterations=2, pieces=4, pull=0.12, drag=0.4),
+        Stage(detail=1.8, blur=0.7, iterations=2, pieces=6, pull=0.04, drag=0.12, longest=1.5),
     ),
-    "finish": (Stage(3.6, 0.4, 2, 8, 0.005, 0.08, 1.5, 0.7), Stage(8.0, 0.3, 1, 8, 0.002, 0.04, 1.5, 0.8)),
+    "finish": (
+        Stage(detail=3.6, blur=0.4, iterations=2, pieces=8, pull=0.005, drag=0.08, longest=1.5, share=0.7),
+        Stage(detail=8.0, blur=0.3, iterations=1, pieces=8, pull=0.002, drag=0.04, longest=1.5, share=0.8),
+    ),
 }
 """What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a few radii of where
 it starts, so that one more blurred stage does for the coarse ones, and fewer steps do. The error is the same. The last

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from frametwin.cameras import Camera
-from frametwin.errors import InputError
+from frametwin.errors import Doubt, InputError
 from frametwin.files import PathLike, write_json
 from frametwin.fitting.api import FitResult, write_run
 from frametwin.formats import frame_json
 from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.masks import read_masks
 from frametwin.printing.adaptation.adapt import adapt, lost_struts
 from frametwin.printing.adaptation.batch_fit import BatchFit, cropped, fit_batch
 from frametwin.printing.adaptation.compensation import SagForecast, compensate
@@ -27,13 +28,14 @@ from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import guards
 from frametwin.printing.job import job_files as files
 from frametwin.printing.job.batch_capture import BatchCapture, take_capture
-from frametwin.printing.job.guards import Doubt, Expectation, hold
+from frametwin.printing.job.guards import Expectation, hold
 from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.job.next_batch import NextBatch
 from frametwin.printing.job.requeue import laid_again
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.records.sequence_file import write_sequence
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import check_settings
 from frametwin.twin.findings import missing_struts, uncertain_struts
 
 ACCEPTABLE = (*guards.KINDS, "contact")
@@ -75,6 +77,7 @@ class AnswerOptions:
     notes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_settings(self)
         unknown = sorted(set(self.accept) - set(ACCEPTABLE))
         if unknown:
             remedy = f"give one of {', '.join(ACCEPTABLE)}"
@@ -205,7 +208,7 @@ def _find(taken: BatchCapture, step: Step, options: AnswerOptions, progress: Pro
     laps = [perf_counter()]
     frame = step.expected.frame
     whole = [view.camera.without_distortion() for view in taken.capture.views]
-    cameras, masks = cropped(frame, whole, taken.masks(progress))
+    cameras, masks = cropped(frame, whole, read_masks(taken.capture, progress))
     laps.append(perf_counter())
     fit = fit_batch(frame, cameras, masks, warm=options.warm, progress=progress)
     result = _described(fit, taken)
@@ -227,10 +230,9 @@ def _described(fit: BatchFit, taken: BatchCapture) -> FitResult:
     provenance = {
         **{key: value for key, value in twin.provenance.items() if key != "changes"},
         "start": fit.start,
-        "inputs": dict(taken.hashes),
+        "inputs": taken.capture.hashes,
     }
-    timing = {**twin.timing, "total": fit.seconds}
-    return FitResult(dataclasses.replace(twin, timing=timing, provenance=provenance, source="twin"), fit.result.field)
+    return fit.result.with_twin(timing={**twin.timing, "total": fit.seconds}, provenance=provenance)
 
 
 def _struts_of(frame: Wireframe, struts: np.ndarray) -> Wireframe:
@@ -298,7 +300,7 @@ def _write(stage: Path, step: Step, taken: BatchCapture | None, found: _Found | 
 def _capture_content(taken: BatchCapture | None) -> dict[str, Any]:
     if taken is None:
         return {"capture": None, "pictures": {}}
-    return {"capture": str(taken.source), "pictures": taken.pictures}
+    return {"capture": str(taken.capture.root), "pictures": taken.pictures}
 
 
 def _plan_content(step: Step, going: GoingOn) -> dict[str, Any]:

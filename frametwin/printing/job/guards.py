@@ -4,25 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from frametwin.errors import InputError
+from frametwin.errors import Doubt, Held
 from frametwin.files import PathLike
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.job.batch_capture import BatchCapture
 from frametwin.printing.records.sequence import PrintSequence
+from frametwin.ranges import above, between, check_settings, within
 from frametwin.raster.silhouette import silhouettes
 from frametwin.twin.findings import DARK
 from frametwin.twin.twin import Twin
-from frametwin.wording import listed
+from frametwin.wording import enumerated, listed
 
 KINDS = ("old-capture", "wrong-batch", "collapsed", "poor-fit", "displacement", "lost-struts", "low-confidence")
 """Why a job may stop; each can be accepted by name."""
 
 NEAR_SHARE, NEAR_RADII = 0.15, 1.5
 """A strut is seen at its joint if any of it is within this share of its length of the joint, or this many radii."""
+
+
+PartOfAll = Annotated[float, between(0.0, 1.0, "a share")]
 
 
 @dataclass(frozen=True)
@@ -48,47 +53,24 @@ class GuardLimits:
         Share of its pixels that must be white for a strut to be taken as there.
     changed_pixels
         Pixels by which the struts of a batch should change a view, so that an unchanged one is an old one.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range; one so wide that nothing would ever be doubted is, too. A doubt is put aside by
+        accepting it, batch by batch and on record.
     """
 
-    mismatch: float = 0.15
-    displacement: float = 1.0
-    confidence: float = 0.1
-    collapsed: float = 0.3
-    elsewhere: float = 0.5
-    whiteness: float = 0.5
-    changed_pixels: int = 50
+    mismatch: PartOfAll = 0.15
+    displacement: Annotated[float, above(0.0, up_to=10.0)] = 1.0
+    confidence: Annotated[float, above(0.0, up_to=1.0)] = 0.1
+    collapsed: PartOfAll = 0.3
+    elsewhere: PartOfAll = 0.5
+    whiteness: PartOfAll = 0.5
+    changed_pixels: Annotated[int, within(1, 100_000)] = 50
 
-
-@dataclass(frozen=True)
-class Doubt:
-    """One reason to stop: its kind, of `KINDS`, what is wrong and what to do, in words."""
-
-    kind: str
-    problem: str
-    remedy: str
-
-
-class Held(InputError):
-    """The job stops and nothing is written, as printing on would build on something else than what is there.
-
-    Attributes
-    ----------
-    doubts
-        All reasons, the first one being told.
-    """
-
-    doubts: tuple[Doubt, ...] = ()
-
-    @classmethod
-    def because(cls, source: PathLike, doubts: Sequence[Doubt]) -> Held:
-        """Tell of the doubts about the capture ``source``."""
-        first = doubts[0]
-        kinds = listed_words([doubt.kind for doubt in doubts])
-        remedy = f"{first.remedy}, or accept {kinds} to print on all the same"
-        held = cls.at(source, first.kind, first.problem, remedy)
-        assert isinstance(held, Held)
-        held.doubts = tuple(doubts)
-        return held
+    def __post_init__(self) -> None:
+        check_settings(self, "limits")
 
 
 def hold(source: PathLike, doubts: Sequence[Doubt], accept: Collection[str]) -> None:
@@ -99,15 +81,13 @@ def hold(source: PathLike, doubts: Sequence[Doubt], accept: Collection[str]) -> 
     Held
         With those that are not.
     """
-    rest = [doubt for doubt in doubts if doubt.kind not in accept]
-    if rest:
-        raise Held.because(source, rest)
-
-
-def listed_words(words: Sequence[str]) -> str:
-    """Words, each once, as in a sentence."""
-    once = list(dict.fromkeys(words))
-    return once[0] if len(once) == 1 else f"{', '.join(once[:-1])} and {once[-1]}"
+    rest = tuple(doubt for doubt in doubts if doubt.kind not in accept)
+    if not rest:
+        return
+    first, kinds = rest[0], enumerated(dict.fromkeys(doubt.kind for doubt in rest))
+    held = Held.at(source, first.kind, first.problem, f"{first.remedy}, or accept {kinds} to print on all the same")
+    held.doubts = rest
+    raise held
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +168,7 @@ def _unchanged(
     if not before.any():
         return None
     for view in capture.capture.views:
-        name = view.image.relative_to(capture.capture.root).as_posix()
+        name = capture.capture.name_of(view.image)
         if name in again:
             camera = [view.camera.without_distortion()]
             now, then = (silhouettes(frame.replace(printed=mask), camera)[0] for mask in (frame.printed, before))

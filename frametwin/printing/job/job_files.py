@@ -20,7 +20,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -30,11 +29,12 @@ import numpy as np
 
 from frametwin import __version__
 from frametwin.arrays import checked_array
-from frametwin.checked_json import convert_fields
+from frametwin.checked_json import convert_fields, told_of
 from frametwin.errors import InputError
-from frametwin.files import PathLike, check_format, read_json, write_json
+from frametwin.files import check_format, file_hash, read_json, write_json
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.toolpath.robot_files import RobotSettings
+from frametwin.ranges import check_settings
 
 FORMAT = "frametwin-print-job"
 REPORT_FORMAT = "frametwin-print-report"
@@ -82,6 +82,7 @@ class JobSettings:
     limits: GuardLimits = field(default_factory=GuardLimits)
 
     def __post_init__(self) -> None:
+        check_settings(self)
         for name in ("anticipate", "compensate", "reprint"):
             if getattr(self, name) and not self.adapt:
                 raise InputError.at("settings", name, "needs twins to go by", "let the job adapt, or leave it out")
@@ -107,7 +108,9 @@ class JobSettings:
         if not isinstance(data["robot"], dict):
             raise InputError.at(source, "settings.robot", "is no object", "plan the job again")
         own = {key: value for key, value in data.items() if key != "robot"}
-        return cls(RobotSettings.from_dict(data["robot"], source), **convert_fields(cls, own, source))
+        robot = RobotSettings.from_dict(data["robot"], source)
+        with told_of(source, "settings"):
+            return cls(robot, **convert_fields(cls, own, source))
 
 
 @dataclass(frozen=True)
@@ -176,20 +179,6 @@ def read_job_file(folder: Path) -> JobFile:
             raise InputError.at(folder / file, "file", "is not the one that the job was planned with", remedy)
     settings = JobSettings.from_dict(data["settings"], str(path))
     return JobFile(data["name"], data["struts"], data["batches"], settings, data["hashes"])
-
-
-def file_hash(path: PathLike) -> str:
-    """SHA-256 of a file.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError.at(path, "file", f"cannot be read ({error.strerror})", "put the file back") from error
 
 
 def write_report(folder: Path, report: Mapping[str, Any]) -> None:

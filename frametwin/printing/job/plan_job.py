@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.guards import GuardLimits
@@ -19,13 +18,17 @@ from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
-from frametwin.printing.toolpath.robot_files import RobotSettings
+from frametwin.printing.toolpath.robot_files import Formats, RobotSettings
 from frametwin.printing.toolpath.waypoints import WaypointSettings
 from frametwin.printing.toolpath.workspace import Workspace
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, Tilt, above, at_least, check_settings, check_values, in_words, sized, within
 from frametwin.twin.runs import require_free
 
-Matrix = tuple[tuple[float, ...], ...]
+Coordinate = Annotated[float, within(-1e9, 1e9)]
+Corners = Annotated[tuple[Coordinate, ...], sized(6), in_words("two corners, six numbers in mm")]
+Row = Annotated[tuple[Coordinate, ...], sized(4)]
+Matrix = Annotated[tuple[Row, ...], sized(4), in_words("four rows of four numbers each")]
 
 
 @dataclass(frozen=True)
@@ -61,31 +64,37 @@ class PlanOptions:
         When the job stops.
     seed
         Of the search for an order.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range, or no setting of what it is for.
     """
 
-    batch_size: int | None = None
-    max_tilt_deg: float = 60.0
+    batch_size: Annotated[int, at_least(1)] | None = None
+    max_tilt_deg: Tilt = 60.0
     allow_contact: bool = False
     nozzle: dict[str, Any] = field(default_factory=dict)
     waypoints: dict[str, Any] = field(default_factory=dict)
-    formats: tuple[str, ...] = ("json", "urscript", "gcode")
-    workspace: tuple[float, float, float, float, float, float] | None = None
+    formats: Formats = ("json", "urscript", "gcode")
+    workspace: Corners | None = None
     base: Matrix | None = None
-    max_speed: float = 250.0
-    ur10e_tool: float | None = None
+    max_speed: Annotated[float, above(0.0, up_to=1e6, noun="mm/s")] = 250.0
+    ur10e_tool: Annotated[float, at_least(0.0, noun="millimetres")] | None = None
     adapt: bool = True
     anticipate: bool = True
     compensate: bool = False
     reprint: bool = False
     limits: GuardLimits = GuardLimits()
-    seed: int = 0
+    seed: Seed = 0
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        check_values(Nozzle, self.nozzle, prefix="nozzle.")
+        check_values(WaypointSettings, self.waypoints, prefix="waypoints.")
 
     def order(self, frame: Wireframe) -> OrderSettings:
-        """Settings of the search for an order."""
-        unknown = sorted(set(self.nozzle) - set(Nozzle.__dataclass_fields__))
-        if unknown:
-            remedy = f"give one of {', '.join(Nozzle.__dataclass_fields__)}"
-            raise InputError.at("settings", f"nozzle.{unknown[0]}", "is no size of a nozzle", remedy)
+        """Settings of the search for an order, with the tool of the whole job."""
         return OrderSettings(
             nozzle=Nozzle.fitting(frame, **self.nozzle),
             max_tilt_deg=self.max_tilt_deg,
@@ -94,14 +103,10 @@ class PlanOptions:
             seed=self.seed,
         )
 
-    def job(self, frame: Wireframe) -> JobSettings:
-        """Settings of the job."""
-        unknown = sorted(set(self.waypoints) - set(WaypointSettings.__dataclass_fields__))
-        if unknown:
-            remedy = f"give one of {', '.join(WaypointSettings.__dataclass_fields__)}"
-            raise InputError.at("settings", f"waypoints.{unknown[0]}", "is no setting of waypoints", remedy)
+    def job(self, frame: Wireframe, nozzle: Nozzle) -> JobSettings:
+        """Settings of the job, which is printed with the tool for which its order was found."""
         own = {
-            "nozzle": Nozzle.fitting(frame, **self.nozzle),
+            "nozzle": nozzle,
             "max_tilt_deg": self.max_tilt_deg,
             "allow_contact": self.allow_contact,
         }
@@ -166,25 +171,46 @@ def plan_job(
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
-    settings = options.job(frame)  # refuses what is wrong before the search begins
-    sequence = plan_order(frame, options, order, progress)
+    ordering = options.order(frame)
+    settings = options.job(frame, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
+    cut = order is None or options.batch_size is not None
+    sequence = plan_order(frame, ordering, order, cut, progress)
     report(progress, Progress("writing", 0, 1))
     return Job.create(folder, frame, sequence, settings, notes, overwrite)
 
 
 def plan_order(
-    frame: Wireframe, options: PlanOptions, order: PathLike | None = None, progress: ProgressCallback | None = None
+    frame: Wireframe,
+    settings: OrderSettings,
+    order: PathLike | None,
+    cut: bool,
+    progress: ProgressCallback | None = None,
 ) -> PrintSequence:
     """The order in which a frame is printed: a given one, the frame's own batches, or one that is searched for.
 
-    The frame's own batches, which may be long layers, are cut into even parts of at most ``batch_size`` struts, or the
-    usual size; those of a file only where ``batch_size`` says so.
+    Parameters
+    ----------
+    frame
+        The design.
+    settings
+        Of the search.
+    order
+        A file with an order to keep.
+    cut
+        Cut given batches, which may be long layers, into even parts of at most the size that ``settings`` say.
+    progress
+        See `ProgressCallback`.
+
+    Raises
+    ------
+    InputError
+        See `plan_sequence` and `read_given_order`.
     """
     given: GivenOrder | None = order_of_frame(frame) if order is None else read_given_order(order, frame)
-    sequence = plan_sequence(frame, options.order(frame), given, progress)
-    if given is None or given.batch is None or (order is not None and options.batch_size is None):
+    sequence = plan_sequence(frame, settings, given, progress)
+    if given is None or given.batch is None or not cut:
         return sequence
-    return cut_batches(sequence, options.order(frame).batch_size_for(frame))
+    return cut_batches(sequence, settings.batch_size_for(frame))
 
 
 def cut_batches(sequence: PrintSequence, most: int) -> PrintSequence:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from frametwin.errors import InputError
-from frametwin.files import PathLike, read_json
+from frametwin.errors import Held, InputError
+from frametwin.files import PathLike, file_hash, read_json
 from frametwin.printing.job.answer import AnswerOptions
 from frametwin.printing.job.job import Busy, Job
 from frametwin.progress import Progress, ProgressCallback, report
@@ -93,7 +92,7 @@ class Watch:
         signature = self._seen[folder.name]
         try:
             answer = self.job.answer(folder, self.options, self.progress)
-        except InputError as error:  # a held job among them
+        except (InputError, Held) as error:
             self._refused[folder.name] = (batch, signature)
             self._tell(f"{error} Not printing on.")
             return None
@@ -129,8 +128,8 @@ class Watch:
     def _answered_before(self, folder: Path) -> bool:
         """Whether an earlier run has answered these very pictures."""
         try:
-            digests = {hashlib.sha256(path.read_bytes()).hexdigest() for path in _pictures(folder)}
-        except OSError:
+            digests = {file_hash(path) for path in _pictures(folder)}
+        except (InputError, OSError):
             return False
         earlier = [set(self.job.report(batch)["pictures"].values()) for batch in range(self.job.answered)]
         return digests in earlier

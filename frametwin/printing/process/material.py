@@ -8,11 +8,13 @@ be bent far (M. Bergou, B. Audoly et al., "Discrete viscous threads", ACM TOG 29
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from frametwin.errors import InputError
 from frametwin.mechanics.stiffness import PLA, Material
+from frametwin.ranges import above, at_least, check_settings, in_words, rising, within
 
 
 @dataclass(frozen=True)
@@ -70,42 +72,31 @@ class PrintSettings:
         If a value is out of its range.
     """
 
-    sag: float | None = 0.07
+    sag: Annotated[float, at_least(0.0, below=1.0, noun="a share")] | None = 0.07
     material: Material = PLA
-    flow: float = 1000.0
-    hardening: float = 600.0
-    rest: float = 0.1
-    uneven: float = 0.3
-    axial: float = 0.1
-    lean: float = 0.05
-    residual: float = 0.1
-    placement: float = 0.03
-    bead: float = 1.0
-    increments: int = 3
-    seconds: tuple[float, float] = (36.0, 44.0)
-    pause: float = 60.0
-    tear_angle: float = 45.0
-    tear_stretch: float = 0.25
-    collapse_share: float = 0.05
-    pieces: int = 2
+    flow: Annotated[float, above(0.0)] = 1000.0
+    hardening: Annotated[float, above(0.0)] = 600.0
+    rest: Annotated[float, at_least(0.0)] = 0.1
+    uneven: Annotated[float, at_least(0.0)] = 0.3
+    axial: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 0.1
+    lean: Annotated[float, at_least(0.0)] = 0.05
+    residual: Annotated[float, at_least(0.0)] = 0.1
+    placement: Annotated[float, at_least(0.0)] = 0.03
+    bead: Annotated[float, above(0.0)] = 1.0
+    increments: Annotated[int, within(1, 1000)] = 3
+    seconds: Annotated[
+        tuple[Annotated[float, above(0.0)], Annotated[float, above(0.0)]],
+        rising,
+        in_words("two rising numbers above 0"),
+    ] = (36.0, 44.0)
+    pause: Annotated[float, at_least(0.0)] = 60.0
+    tear_angle: Annotated[float, above(0.0)] = 45.0
+    tear_stretch: Annotated[float, above(0.0)] = 0.25
+    collapse_share: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 0.05
+    pieces: Annotated[int, within(1, 1000)] = 2
 
     def __post_init__(self) -> None:
-        above = ("flow", "hardening", "bead", "tear_angle", "tear_stretch")
-        least = ("rest", "uneven", "lean", "residual", "placement", "pause")
-        low, high = self.seconds
-        rules = (
-            ("sag", self.sag is None or 0.0 <= self.sag < 1.0, "give a share of 0 or more and below 1, or None"),
-            *((name, 0.0 < getattr(self, name) < np.inf, "give a number above 0") for name in above),
-            *((name, 0.0 <= getattr(self, name) < np.inf, "give a number of 0 or more") for name in least),
-            ("axial", 0.0 < self.axial <= 1.0, "give a share above 0 and up to 1"),
-            ("collapse_share", 0.0 < self.collapse_share <= 1.0, "give a share above 0 and up to 1"),
-            ("increments", self.increments >= 1, "give a whole number above 0"),
-            ("pieces", self.pieces >= 1, "give a whole number above 0"),
-            ("seconds", 0.0 < low <= high < np.inf, "give two rising numbers above 0"),
-        )
-        for field, fine, remedy in rules:
-            if not fine:
-                raise InputError.at("settings", field, f"is {getattr(self, field)}", remedy)
+        check_settings(self)
 
     def flowed(self, young: np.ndarray, old: np.ndarray) -> np.ndarray:
         """How far struts flow between two ages (N,) in s, in multiples of how far they would bend at once when hard.
@@ -156,13 +147,3 @@ class Chance:
         pull[:, :2] = sideways + settings.residual * rng.normal(size=(struts, 2))
         placement = settings.placement * rng.normal(size=(struts, 2, 3))
         return cls(speed, pull, placement, rng.uniform(*settings.seconds, size=struts))
-
-    @classmethod
-    def nominal(cls, struts: int, settings: PrintSettings) -> Chance:
-        """What is expected, nothing being left to chance."""
-        return cls(
-            speed=np.ones(struts),
-            pull=np.tile([0.0, 0.0, -1.0], (struts, 1)),
-            placement=np.zeros((struts, 2, 3)),
-            seconds=np.full(struts, float(np.mean(settings.seconds))),
-        )

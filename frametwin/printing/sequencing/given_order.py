@@ -28,7 +28,8 @@ from frametwin.printing.records.sequence_file import FORMAT, parse_sequence
 from frametwin.printing.sequencing.batches import split_batches
 from frametwin.printing.sequencing.clearance import hit_struts
 from frametwin.printing.sequencing.reachability import OrderSettings
-from frametwin.printing.sequencing.removal import ROOM, Task
+from frametwin.printing.sequencing.removal import Task
+from frametwin.printing.sequencing.removal_kernels import ROOM
 from frametwin.printing.sequencing.stability import looseness
 from frametwin.wording import having, listed
 

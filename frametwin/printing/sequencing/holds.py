@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.sequencing.clearance import part_distance
 from frametwin.printing.sequencing.nozzle import Nozzle
+from frametwin.printing.sequencing.nozzle_kernels import spares_itself
 
 DOWNWARDS = 0.5
 """What it costs to lay a strut straight downwards rather than upwards, in shares of the largest tilt."""
@@ -48,7 +47,7 @@ def allowed_holds(frame: Wireframe, nozzle: Nozzle, axes: np.ndarray) -> np.ndar
         room = frame.radius[struts] + nozzle.clearance + 0.5 * gap  # points between the samples are that far at most
         for side in range(2):
             directed = np.ascontiguousarray(points[:, ::-1] if side else points)
-            result[struts, :, side] = _spares_itself(directed, room, axes, nozzle.profile, nozzle.bead)
+            result[struts, :, side] = spares_itself(directed, room, axes, nozzle.profile, nozzle.bead)
     return result & above[:, :, None]
 
 
@@ -59,28 +58,3 @@ def hold_costs(frame: Wireframe, axes: np.ndarray) -> np.ndarray:
     down = -chord[:, 2] / np.linalg.norm(chord, axis=1)
     down = np.stack([down, -down], axis=1)
     return tilt[None, :, None] / max(float(tilt.max()), 1e-9) + DOWNWARDS * np.maximum(0.0, down)[:, None, :]
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _spares_itself(points, room, axes, profile, bead):  # type: ignore[no-untyped-def]
-    """(n, D): no point of a strut (n, S, 3) is hit that lies further than the bead behind the tip."""
-    result = np.ones((len(points), len(axes)), dtype=np.bool_)
-    for n in range(len(points)):
-        for d in range(len(axes)):
-            for tip in range(1, points.shape[1]):
-                for behind in range(tip):
-                    square, height = 0.0, 0.0
-                    for x in range(3):
-                        w = points[n, behind, x] - points[n, tip, x]
-                        square += w * w
-                        height += w * axes[d, x]
-                    if square <= bead * bead:
-                        break
-                    rho = np.sqrt(max(0.0, square - height * height))
-                    for k in range(len(profile)):
-                        if part_distance(rho, height, profile[k]) < room[n]:
-                            result[n, d] = False
-                            break
-                if not result[n, d]:
-                    break
-    return result

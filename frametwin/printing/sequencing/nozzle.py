@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.ranges import at_least, check_settings, check_values, in_words
 
 TIP_SHARE = 0.8
 """Radius of the flat end of a nozzle, in radii of the strut it lays: a strand is a little wider than its nozzle."""
@@ -27,6 +28,10 @@ CONE_SHARE = 4.0
 
 BODY_SHARE = 1.25
 """Radius of the extruder's body in radii of the cone's upper end."""
+
+
+Length = Annotated[float, at_least(1e-9, below=1e6), in_words("a length in mm above 0, below a kilometre")]
+Gap = Annotated[float, at_least(0.0, below=1e6), in_words("a length in mm from 0 up, below a kilometre")]
 
 
 @dataclass(frozen=True)
@@ -57,21 +62,16 @@ class Nozzle:
         If a size is impossible.
     """
 
-    tip_radius: float
-    cone_length: float
-    cone_radius: float
-    body_radius: float
-    body_length: float
-    bead: float
-    clearance: float = 0.0
+    tip_radius: Length
+    cone_length: Length
+    cone_radius: Length
+    body_radius: Length
+    body_length: Length
+    bead: Gap
+    clearance: Gap = 0.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            least = 0.0 if field.name in ("bead", "clearance") else 1e-9
-            if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < 1e6:
-                words = "from 0 up" if least == 0.0 else "above 0"
-                raise _refuse(field.name, value, f"give a length in mm {words}, below a kilometre")
+        check_settings(self)
         if self.cone_radius < self.tip_radius:
             raise _refuse("cone_radius", self.cone_radius, f"give at least the tip's radius, {self.tip_radius:g} mm")
         if self.body_radius < self.cone_radius:
@@ -88,6 +88,7 @@ class Nozzle:
         InputError
             If a size is impossible.
         """
+        sizes = check_values(cls, sizes)
         radius = float(np.median(frame.radius))
         length = float(np.median(frame.lengths))
         tip = sizes.get("tip_radius", TIP_SHARE * radius)

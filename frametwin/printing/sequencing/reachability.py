@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from frametwin.printing.sequencing.holds import allowed_holds, hold_costs
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.removal import Task
 from frametwin.progress import ProgressCallback
+from frametwin.ranges import Seed, Tilt, at_least, check_settings, within
 
 LARGEST_TABLE = 4 << 30
 """Bytes that the table of collisions may take."""
@@ -35,7 +37,7 @@ class OrderSettings:
         Struts from one look of the cameras to the next, about; ``None`` for a twentieth of all, from 4 to 12.
     allow_contact
         Where the tool cannot reach a strut without touching others, or a given order begins struts in the air, plan
-        the fewest contacts instead of refusing; `frametwin.printing.sequencing.check.check_sequence` lists them.
+        the fewest contacts instead of refusing; ``frametwin print check`` lists them.
     attempts
         Searches in all, where the first finds no order: the others shuffle the heights.
     seed
@@ -48,21 +50,14 @@ class OrderSettings:
     """
 
     nozzle: Nozzle | None = None
-    max_tilt_deg: float = 60.0
-    batch_size: int | None = None
+    max_tilt_deg: Tilt = 60.0
+    batch_size: Annotated[int, at_least(1)] | None = None
     allow_contact: bool = False
-    attempts: int = 8
-    seed: int = 0
+    attempts: Annotated[int, within(1, 100_000)] = 8
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.max_tilt_deg < 90.0:
-            raise _refuse("max_tilt_deg", self.max_tilt_deg, "give degrees from 0 up, below 90")
-        if self.batch_size is not None and self.batch_size < 1:
-            raise _refuse("batch_size", self.batch_size, "give a whole number above 0")
-        if self.attempts < 1:
-            raise _refuse("attempts", self.attempts, "give a whole number above 0")
-        if self.seed < 0:
-            raise _refuse("seed", self.seed, "give a whole number from 0 up")
+        check_settings(self)
 
     def nozzle_for(self, frame: Wireframe) -> Nozzle:
         """The tool for ``frame``."""
@@ -94,7 +89,3 @@ def task_of(frame: Wireframe, settings: OrderSettings, progress: ProgressCallbac
     allowed = allowed_holds(frame, nozzle, axes)
     bits = collision_bits(frame, nozzle, axes, allowed.any(axis=2), joined_struts(frame), progress)
     return Task.of(frame, bits, allowed, hold_costs(frame, axes), neighbours(axes))
-
-
-def _refuse(field: str, value: object, remedy: str) -> InputError:
-    return InputError.at("settings", field, f"is {value}", remedy)

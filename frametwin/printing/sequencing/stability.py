@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.stiffness import FrameBeams
 from frametwin.printing.records.sequence import PrintSequence
-
-SOFTEST = 100.0
-"""Greatest flexibility that a joint is given; one held by nothing at all counts as no joint."""
+from frametwin.printing.sequencing.removal_kernels import summed_flexibility
 
 
 def end_stiffness(frame: Wireframe) -> np.ndarray:
@@ -30,46 +27,13 @@ def end_stiffness(frame: Wireframe) -> np.ndarray:
     return result
 
 
-@nb.njit(cache=True, error_model="numpy")
-def flexibility(k: np.ndarray) -> float:
-    """Greatest displacement of a joint under a unit force, from its stiffness (3, 3); 0 for one that holds nothing."""
-    q = (k[0, 0] + k[1, 1] + k[2, 2]) / 3.0
-    if q <= 1e-12:
-        return 0.0
-    off = k[0, 1] ** 2 + k[0, 2] ** 2 + k[1, 2] ** 2
-    a, b, c = k[0, 0] - q, k[1, 1] - q, k[2, 2] - q
-    p = np.sqrt((a * a + b * b + c * c + 2.0 * off) / 6.0)
-    if p <= 1e-9 * q:
-        return min(SOFTEST, 1.0 / q)
-    d = a * (b * c - k[1, 2] ** 2) - k[0, 1] * (k[0, 1] * c - k[1, 2] * k[0, 2])
-    d += k[0, 2] * (k[0, 1] * k[1, 2] - b * k[0, 2])
-    angle = np.arccos(min(1.0, max(-1.0, d / (2.0 * p**3)))) / 3.0
-    least = q + 2.0 * p * np.cos(angle + 2.0 * np.pi / 3.0)  # of the three eigenvalues (Smith, CACM 4(4), 1961)
-    return min(SOFTEST, 1.0 / max(least, 1.0 / SOFTEST))
-
-
 def looseness(frame: Wireframe, struts: np.ndarray) -> np.ndarray:
     """(N,) sum of the joints' flexibility after each of ``struts`` (N,) was laid, grounded joints left out.
 
     A joint at the end of a cantilever of median length counts 1, one on two struts about a half, one that three struts
     hold in three directions next to nothing.
     """
-    return _looseness(frame.edges, frame.grounded, end_stiffness(frame), struts)
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _looseness(edges: np.ndarray, grounded: np.ndarray, stiffness: np.ndarray, struts: np.ndarray) -> np.ndarray:
-    held = np.zeros((len(grounded), 3, 3))
-    result = np.zeros(len(struts))
-    total = 0.0
-    for n in range(len(struts)):
-        for vertex in edges[struts[n]]:
-            if not grounded[vertex]:
-                total -= flexibility(held[vertex])
-                held[vertex] += stiffness[struts[n]]
-                total += flexibility(held[vertex])
-        result[n] = total
-    return result
+    return summed_flexibility(frame.edges, frame.grounded, end_stiffness(frame), struts)
 
 
 def batch_sag(frame: Wireframe, sequence: PrintSequence) -> np.ndarray:

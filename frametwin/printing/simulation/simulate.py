@@ -6,25 +6,24 @@ import dataclasses
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from frametwin.capture.image_files import write_png
-from frametwin.errors import InputError
-from frametwin.files import PathLike, dump_json, read_json, write_json
+from frametwin.errors import Held, InputError
+from frametwin.files import PathLike, dump_json, file_hash, read_json, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.job.answer import AnswerOptions
-from frametwin.printing.job.guards import Held
+from frametwin.printing.job.answer import ACCEPTABLE, AnswerOptions
 from frametwin.printing.job.job import Job
-from frametwin.printing.job.job_files import file_hash
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.simulation.growth import GrowingPrint
 from frametwin.printing.simulation.outcome import BatchOutcome, PrintReport, Standing
 from frametwin.printing.simulation.simulated_pictures import Renderer, Rig
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.ranges import Seed, check_settings, one_of
 
 FORMAT = "frametwin-print-simulation"
 OUTCOME_FORMAT = "frametwin-print-outcome"
@@ -57,9 +56,12 @@ class SimulationOptions:
     plan: PlanOptions = field(default_factory=lambda: PlanOptions(allow_contact=True))
     print: PrintSettings = PrintSettings()
     rig: Rig = Rig()
-    seed: int = 0
+    seed: Seed = 0
     fit: bool = False
-    accept: tuple[str, ...] = ()
+    accept: tuple[Annotated[str, one_of(ACCEPTABLE)], ...] = ()
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file: numbers and names."""
@@ -88,7 +90,7 @@ class SimulatedPrint:
     twin_seconds
         That the answer to each batch took.
     held
-        Why the job stopped, in a sentence, if it did.
+        Why the job stopped, if it did.
     """
 
     job: Job
@@ -96,7 +98,7 @@ class SimulatedPrint:
     standing: Standing
     outcomes: tuple[BatchOutcome, ...]
     twin_seconds: tuple[float, ...]
-    held: str | None = None
+    held: Held | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """As ``frametwin print simulate --json`` prints it."""
@@ -108,7 +110,7 @@ class SimulatedPrint:
             "adapted": self.job.settings.adapt,
             "completed": report.completed,
             "collapsed_at_batch": report.collapsed_at_batch,
-            "held": self.held,
+            "held": None if self.held is None else str(self.held),
             "e_max": list(report.e_max),
             "attached": list(report.attached),
             "lost": list(report.lost),
@@ -164,7 +166,7 @@ def simulate_print(
     options.answer  # noqa: B018  refuses unknown names before anything is done
     job = _job_in(Path(folder), frame, options, order, overwrite, progress)
     grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed)
-    held = None
+    held: Held | None = None
     for earlier in range(job.answered):
         _lay(grown, job, earlier)
     while (batch := job.current) is not None and not grown.collapsed:
@@ -173,7 +175,7 @@ def simulate_print(
         try:
             _answer(job, grown, outcome, options, renderer, progress)
         except Held as error:
-            held = str(error)
+            held = error
             break
     seconds = [job.report(batch)["seconds"] for batch in range(job.answered)]
     twin = tuple(float(item["total"]) if "twin" in item else 0.0 for item in seconds)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from frametwin.files import staged_directory
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.simulation.outcome import Standing
 from frametwin.progress import ProgressCallback
+from frametwin.ranges import check_settings, in_words, one_of, within
 from frametwin.raster.silhouette import silhouettes
 
 RENDERERS = ("library", "mask", "photo")
@@ -52,25 +53,16 @@ class Rig:
         If a value is out of its range.
     """
 
-    views: int = 8
-    size: tuple[int, int] = (1200, 1600)
-    render: str = "library"
-    samples: int = 8
+    views: Annotated[int, within(2, 1000), in_words("a whole number from 2 to 1000, 8 are usual")] = 8
+    size: Annotated[
+        tuple[Annotated[int, within(8, 16384)], Annotated[int, within(8, 16384)]],
+        in_words("height and width from 8 to 16384 pixels"),
+    ] = (1200, 1600)
+    render: Annotated[str, one_of(RENDERERS)] = "library"
+    samples: Annotated[int, within(1, 4096)] = 8
 
     def __post_init__(self) -> None:
-        rules = (
-            ("views", 2 <= self.views <= 1000, "give a whole number from 2 to 1000, 8 are usual"),
-            (
-                "size",
-                len(self.size) == 2 and all(8 <= side <= 16384 for side in self.size),
-                "give height and width from 8 to 16384 pixels",
-            ),
-            ("render", self.render in RENDERERS, f"give one of {', '.join(RENDERERS)}"),
-            ("samples", 1 <= self.samples <= 4096, "give a whole number from 1 to 4096"),
-        )
-        for name, fine, remedy in rules:
-            if not fine:
-                raise InputError.at("settings", name, f"is {getattr(self, name)!r}", remedy)
+        check_settings(self)
 
     def require(self, renderer: Renderer | None) -> None:
         """Refuse pictures by Blender where no renderer was given.

@@ -13,7 +13,7 @@ from frametwin.printing.sequencing.clearance import joined_struts, struts_hit
 from frametwin.printing.sequencing.directions import tool_directions
 from frametwin.printing.sequencing.holds import allowed_holds
 from frametwin.printing.sequencing.nozzle import Nozzle
-from frametwin.wording import listed
+from frametwin.wording import listed, shortened
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ def checked_axes(
             elif len(touched):
                 contacts.append(f"strut {struts[n]}: the nozzle touches {listed(touched)}")
     if contacts and not allow_contact:
-        shown = "; ".join(contacts[:3]) + (f"; and {len(contacts) - 3} more" if len(contacts) > 3 else "")
+        shown = shortened(contacts, 3, gap="; ")
         remedy = "take a smaller nozzle, allow more tilt, or let it touch: allow contact when planning the job, or"
         remedy += " accept contact when answering the batch before"
         raise InputError.at(plan.name, f"batch {batch}", shown, remedy)

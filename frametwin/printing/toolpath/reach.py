@@ -5,6 +5,7 @@ Joint limits, collisions of the arm and the way from one waypoint to the next ar
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -84,13 +85,15 @@ def unreachable_by_compas_fab(waypoints: Waypoints, limits: Workspace, tool_leng
     Raises
     ------
     InputError
-        If compas_fab is not installed.
+        If compas_fab is not installed, or is there but cannot be imported.
     """
     try:
         from compas.geometry import Frame
         from compas_fab.backends.kinematics.solvers import UR10eKinematics
     except ImportError as error:
         problem, remedy = "is not installed", "install it, or ask for the built-in check"
+        if compas_fab_is_installed():
+            problem, remedy = f"cannot be imported ({error})", "install another version of it, or remove it"
         raise InputError.at("reach", "compas_fab", problem, remedy) from error
     solver: Any = UR10eKinematics()
     bad = []
@@ -104,6 +107,11 @@ def unreachable_by_compas_fab(waypoints: Waypoints, limits: Workspace, tool_leng
         if not any(solution is not None for solution in solutions):
             bad.append(n)
     return np.array(bad, dtype=np.int64)
+
+
+def compas_fab_is_installed() -> bool:
+    """Whether compas_fab can be found, with what it stands on; nothing is imported."""
+    return all(find_spec(name) is not None for name in ("compas", "compas_fab"))
 
 
 def frames_for_compas_fab(position: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -128,12 +136,11 @@ def check_reach(waypoints: Waypoints, limits: Workspace, tool_length: float) -> 
     Raises
     ------
     InputError
-        The sentence names the first such waypoint and its strut.
+        The sentence names the first such waypoint and its strut; or compas_fab is installed and cannot be used.
     """
-    try:
-        bad, by = unreachable_by_compas_fab(waypoints, limits, tool_length), "compas_fab"
-    except InputError:
-        bad, by = unreachable(waypoints, limits, tool_length), "built-in"
+    installed = compas_fab_is_installed()
+    look, by = (unreachable_by_compas_fab, "compas_fab") if installed else (unreachable, "built-in")
+    bad = look(waypoints, limits, tool_length)
     if len(bad):
         problem = f"is out of a UR10e's reach with a tool of {tool_length:g} mm, as are {len(bad) - 1} others"
         remedy = "move the print nearer (the base), or plan the order with less tilt"

@@ -6,11 +6,11 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from frametwin.checked_json import convert_fields
+from frametwin.checked_json import convert_fields, told_of
 from frametwin.errors import InputError
 from frametwin.files import write_json
 from frametwin.geometry.wireframe import Wireframe
@@ -20,9 +20,13 @@ from frametwin.printing.toolpath.exports.assembly import write_assembly
 from frametwin.printing.toolpath.reach import check_reach
 from frametwin.printing.toolpath.waypoints import WaypointSettings, waypoints_of
 from frametwin.printing.toolpath.workspace import Workspace
+from frametwin.ranges import at_least, check_settings, one_of, some
 
 FORMATS = (*SUFFIXES, "assembly")
 SUMMARY = "summary.json"
+
+
+Formats = Annotated[tuple[Annotated[str, one_of(FORMATS)], ...], some(f"some of {', '.join(FORMATS)}")]
 
 
 @dataclass(frozen=True)
@@ -49,16 +53,11 @@ class RobotSettings:
 
     workspace: Workspace
     waypoints: WaypointSettings = WaypointSettings()
-    formats: tuple[str, ...] = ("json", "urscript", "gcode")
-    ur10e_tool: float | None = None
+    formats: Formats = ("json", "urscript", "gcode")
+    ur10e_tool: Annotated[float, at_least(0.0, noun="millimetres")] | None = None
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.formats if name not in FORMATS]
-        if unknown:
-            remedy = f"give one of {', '.join(FORMATS)}"
-            raise InputError.at("settings", "formats", f"{unknown[0]!r} is unknown", remedy)
-        if self.ur10e_tool is not None and not 0.0 <= self.ur10e_tool < np.inf:
-            raise InputError.at("settings", "ur10e_tool", f"is {self.ur10e_tool}", "give millimetres, 0 or more")
+        check_settings(self)
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""
@@ -86,11 +85,19 @@ class RobotSettings:
         if unknown or data["workspace"].keys() != known:
             field = unknown[0] if unknown else sorted(known - data["workspace"].keys())[0]
             raise InputError.at(source, f"workspace.{field}", "is missing or unknown", "plan the job again")
-        waypoints = WaypointSettings(**convert_fields(WaypointSettings, data["waypoints"], source))
+        with told_of(source, "robot.waypoints"):
+            waypoints = WaypointSettings(**convert_fields(WaypointSettings, data["waypoints"], source))
         tool = data.get("ur10e_tool")
-        if not (tool is None or type(tool) in (int, float)):
-            raise InputError.at(source, "robot.ur10e_tool", "is no number", "plan the job again")
-        return cls(Workspace(**data["workspace"]), waypoints, tuple(data["formats"]), tool)
+        with told_of(source, "robot.workspace"):
+            workspace = Workspace(**data["workspace"])
+        with told_of(source, "robot"):
+            return cls(workspace, waypoints, tuple(data["formats"]), tool)
+
+
+def waypoint_file(batch: int, format: str) -> str:
+    """The name of a batch's file in one of the formats with waypoints."""
+    kind = "_compas" if format == "compas" else ""
+    return f"batch_{batch:03d}{kind}{SUFFIXES[format]}"
 
 
 def write_robot_files(
@@ -144,8 +151,7 @@ def write_robot_files(
             path = folder / f"batch_{batch:03d}_assembly.json"
             write_assembly(path, plan, sequence)
         else:
-            kind = "_compas" if name == "compas" else ""
-            path = folder / f"batch_{batch:03d}{kind}{SUFFIXES[name]}"
+            path = folder / waypoint_file(batch, name)
             write_waypoints(path, waypoints, name, settings.workspace)
         names.append(path.name)
     summary = {

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import InitVar, dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.toolpath.axes import checked_axes
 from frametwin.printing.toolpath.moves import Clearing, tool_rotations
+from frametwin.ranges import Tilt, above, check_settings, within
 
 TRAVEL, APPROACH, PRINT, RETREAT = range(4)
 KINDS = ("travel", "approach", "print", "retreat")
@@ -56,29 +57,19 @@ class WaypointSettings:
         If a value is out of its range.
     """
 
-    spacing: float | None = None
-    speed: float = 5.0
-    approach_speed: float = 20.0
-    travel_speed: float = 60.0
-    start_dwell: float = 0.5
-    end_dwell: float = 2.0
-    clearance: float | None = None
+    spacing: Annotated[float, above(0.0, up_to=1e6)] | None = None
+    speed: Annotated[float, above(0.0, up_to=1e6)] = 5.0
+    approach_speed: Annotated[float, above(0.0, up_to=1e6)] = 20.0
+    travel_speed: Annotated[float, above(0.0, up_to=1e6)] = 60.0
+    start_dwell: Annotated[float, within(0.0, 1e6, "seconds")] = 0.5
+    end_dwell: Annotated[float, within(0.0, 1e6, "seconds")] = 2.0
+    clearance: Annotated[float, above(0.0, up_to=1e6)] | None = None
     nozzle: Nozzle | None = None
-    max_tilt_deg: float = 60.0
+    max_tilt_deg: Tilt = 60.0
     allow_contact: bool = False
 
     def __post_init__(self) -> None:
-        for field in ("spacing", "speed", "approach_speed", "travel_speed", "clearance"):
-            value = getattr(self, field)
-            if value is not None and not 0.0 < value < 1e6:
-                raise InputError.at("settings", field, f"is {value}", "give a number above 0")
-        for field in ("start_dwell", "end_dwell"):
-            if not 0.0 <= getattr(self, field) < 1e6:
-                raise InputError.at("settings", field, f"is {getattr(self, field)}", "give seconds from 0 up")
-        if not 0.0 <= self.max_tilt_deg < 90.0:
-            raise InputError.at(
-                "settings", "max_tilt_deg", f"is {self.max_tilt_deg}", "give degrees from 0 up, below 90"
-            )
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from frametwin.arrays import checked_array
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.toolpath.waypoints import KINDS, Waypoints
+from frametwin.ranges import above, check_settings, within
 
 ROUNDING = 1e-9
 """mm; waypoints may lie outside by so much."""
@@ -41,8 +42,8 @@ class Workspace:
     lower: np.ndarray
     upper: np.ndarray
     base: np.ndarray = field(default_factory=lambda: np.eye(4))
-    max_speed: float = 250.0
-    max_tilt_deg: float = 90.0
+    max_speed: Annotated[float, above(0.0, up_to=1e6, noun="mm/s")] = 250.0
+    max_tilt_deg: Annotated[float, within(0.0, 180.0, "degrees")] = 90.0
 
     def __post_init__(self) -> None:
         for name, shape in (("lower", (3,)), ("upper", (3,)), ("base", (4, 4))):
@@ -55,10 +56,7 @@ class Workspace:
         rigid = np.abs(turn.T @ turn - np.eye(3)).max() < 1e-6 and np.linalg.det(turn) > 0.0
         if not rigid or not np.array_equal(self.base[3], [0.0, 0.0, 0.0, 1.0]):
             raise InputError.at("workspace", "base", "is not a rotation and a shift", "give a rigid transform")
-        if not 0.0 < self.max_speed < 1e6:
-            raise InputError.at("workspace", "max_speed", f"is {self.max_speed}", "give mm/s above 0")
-        if not 0.0 <= self.max_tilt_deg <= 180.0:
-            raise InputError.at("workspace", "max_tilt_deg", f"is {self.max_tilt_deg}", "give degrees from 0 to 180")
+        check_settings(self, "workspace")
 
     @classmethod
     def around(cls, frame: Wireframe, margin: float | None = None, **limits: Any) -> Workspace:

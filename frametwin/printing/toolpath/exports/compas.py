@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from frametwin.arrays import checked_array
 from frametwin.errors import InputError
 from frametwin.files import PathLike, dump_json, read_json
 from frametwin.printing.toolpath.waypoints import APPROACH, KINDS, PRINT, Waypoints
@@ -56,6 +57,19 @@ def read_compas_frames(path: PathLike) -> tuple[np.ndarray, np.ndarray]:
     except (TypeError, KeyError, ValueError) as error:
         raise InputError.at(path, "frames", "is no list of COMPAS frames", "give a file of FrameTwin") from error
     return points, np.stack([x, y, np.cross(x, y)], axis=2)
+
+
+def read_compas_moves(path: PathLike) -> tuple[np.ndarray, np.ndarray]:
+    """Read speeds (N,) in m/s, and whether material flows from each waypoint on (N,).
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged.
+    """
+    data = read_json(path)
+    speed = checked_array(data.get("speed"), "f", (None,), str(path), "speed")
+    return speed, checked_array(data.get("extrude"), "b", (len(speed),), str(path), "extrude")
 
 
 def _graph(waypoints: Waypoints, points: np.ndarray) -> dict[str, Any]:

@@ -1,4 +1,8 @@
-"""The compiled splatter of blurred rods as a differentiable torch function."""
+"""The compiled splatter of blurred rods as a differentiable torch function, to be held against a reference.
+
+What a fit leaves out is added here, so that the gradients are whole: the discs of joints grow with the radius of the
+struts, and as they come nearer.
+"""
 
 from __future__ import annotations
 
@@ -138,29 +142,8 @@ def splat_rods(
     -------
     N float32 pictures (H, W), one a camera. Gradients flow to control points, joints, radius and opacity. They
     leave out that a strut's flat ends move along it: the joints' discs cover the ends.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit each other.
-    FloatingPointError
-        If an input is not finite.
     """
-    table = np.asarray(edges)
-    count, shape = len(table), tuple(radius.shape)
-    fits = tuple(control_points.shape) == (count, 4, 3) and len(shape) == 2 and shape[0] == count and shape[1] > 0
-    if not fits or tuple(opacity.shape) != shape or joints.ndim != 2 or joints.shape[1] != 3:
-        raise ValueError(
-            f"{count} struts need control points (E, 4, 3), joints (V, 3), radius and opacity (E, P), not "
-            f"{tuple(control_points.shape)}, {tuple(joints.shape)}, {shape} and {tuple(opacity.shape)}"
-        )
-    if count and not 0 <= table.min() <= table.max() < len(joints):
-        raise ValueError(f"edges name joints from {table.min()} to {table.max()}, there are {len(joints)}")
-    named = {"control points": control_points, "joints": joints, "radius": radius, "opacity": opacity}
-    for name, values in named.items():
-        if not bool(torch.isfinite(values).all()):
-            raise FloatingPointError(f"the {name} of the struts hold values that are not finite")
-    flat = _Splat.apply(control_points, joints, radius, opacity, table, level)
+    flat = _Splat.apply(control_points, joints, radius, opacity, edges, level)
     counts = level.shapes.prod(axis=1).tolist()
     sizes = [(int(height), int(width)) for height, width in level.shapes]
     return [part.view(size) for part, size in zip(flat.split(counts), sizes, strict=True)]

@@ -1,0 +1,80 @@
+"""The verdict on a fit: what is seen in its views, cameras and struts, turned into words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from frametwin.cameras import Camera
+from frametwin.fitting.camera_freedoms import SHIFT, TURN
+from frametwin.fitting.part_fit import PartFit, ViewsFit
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.verdict import Verdict
+
+POOR, HOPELESS = 0.12, 0.35
+"""Share of pixels of the typical view that twin and picture disagree on, from which a twin is doubtful, and wrong."""
+
+LOOSE, LOST = 0.25, 1.0
+"""Standard deviation of the typical strut in radii, likewise."""
+
+MANY_UNCERTAIN = 0.3
+"""Share of struts that the views do not determine, from which a twin is wrong."""
+
+FAR = 4.0
+"""Standard deviations of its rig by which a camera may be corrected without a word."""
+
+
+def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Verdict:
+    """Judge a fit.
+
+    Parameters
+    ----------
+    part : PartFit
+        What was found, with its views and standard deviations.
+    printed : Wireframe
+        The plan of it.
+    cameras : sequence of Camera
+        Of all views.
+    """
+    views = part.views
+    if views is None or part.sigma_across is None:
+        return Verdict()
+    wrong, doubtful, notes = [], [], []
+    typical = float(np.median((views.unexplained + views.unseen)[views.used]))
+    if typical > HOPELESS:
+        wrong.append(f"twin and pictures disagree on {typical:.0%} of the pixels of a typical view")
+    elif typical > POOR:
+        doubtful.append(f"twin and pictures disagree on {typical:.0%} of the pixels of a typical view")
+    loose = float(np.median(part.sigma_across / printed.radius))
+    if loose > LOST:
+        wrong.append("the typical strut may be off by more than its radius")
+    elif loose > LOOSE:
+        doubtful.append(f"the typical strut may be off by {loose:.0%} of its radius")
+    uncertain = float((part.confidence < 0.5).mean())
+    if uncertain > MANY_UNCERTAIN:
+        wrong.append(f"the views do not determine {uncertain:.0%} of the struts")
+    if views.holds == "cameras":
+        doubtful.append("the feet are not where they were planned: where the print stands rests on the cameras alone")
+    left = [camera.name for camera, used in zip(cameras, views.used, strict=True) if not used]
+    if len(left) * 3 > len(cameras):
+        doubtful.append(f"only {int(views.used.sum())} of {len(cameras)} views agree with each other")
+    notes += [
+        f"view {name} disagrees with all others and was left out: look whether its camera was touched, or its picture"
+        " belongs to another camera or moment"
+        for name in left
+    ]
+    return Verdict.of(wrong, doubtful, [*notes, *moved_cameras(views, cameras)])
+
+
+def moved_cameras(views: ViewsFit, cameras: Sequence[Camera]) -> list[str]:
+    """A sentence for each camera that was corrected by far more than its rig's errors."""
+    result = []
+    for camera, own, sigmas in zip(cameras, views.cameras, views.sigmas, strict=True):
+        if sigmas > FAR:
+            turned = np.rad2deg(np.linalg.norm(own[TURN]))
+            result.append(
+                f"view {camera.name}: its camera was found {np.linalg.norm(own[SHIFT]):.1f} mm and {turned:.2f} degrees"
+                f" from where the rig has it ({sigmas:.0f} standard deviations): calibrate it again"
+            )
+    return result

@@ -1,0 +1,227 @@
+"""An independent check of a print job: its order, and what the files for the robot make the tool do.
+
+Planner and check share the geometry of struts and nozzle, and nothing else: files are read back as a robot's controller
+would, the tool is followed at finely sampled poses, on its ways between struts too, and limits are compared anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from frametwin.errors import InputError
+from frametwin.geometry import bezier
+from frametwin.printing.adaptation.anticipation import Anticipation
+from frametwin.printing.job import job_files as files
+from frametwin.printing.job.job import Job
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.check import (
+    UP,
+    Fault,
+    begun_in_the_air,
+    check_sequence,
+    collision_fault,
+    plate_fault,
+    plate_height,
+)
+from frametwin.printing.sequencing.nozzle import Nozzle
+from frametwin.printing.sequencing.tool_collisions import POSE_STEP, SampledStruts, ToolPoses, collision_depths
+from frametwin.printing.toolpath.path_check import agreement_faults, limit_faults
+from frametwin.printing.toolpath.robot_files import waypoint_file
+from frametwin.printing.toolpath.tool_path import ToolPath, read_tool_path
+from frametwin.progress import Progress, ProgressCallback, report
+
+BESIDE = 0.5
+"""A strut lies beside its joint, or beside its plan, if the tip is further off than this, in strut radii."""
+
+SAMPLES = 257
+"""Points of a strut's curve to which waypoints are compared."""
+
+
+@dataclass(frozen=True)
+class JobCheck:
+    """What was found.
+
+    Attributes
+    ----------
+    faults
+        In the order of the print; none if all is well.
+    batches
+        Those whose waypoints were looked at.
+    waypoints, poses
+        How many were looked at, of all batches together.
+    """
+
+    faults: tuple[Fault, ...]
+    batches: tuple[int, ...]
+    waypoints: int
+    poses: int
+
+    @property
+    def fine(self) -> bool:
+        """Nothing is wrong."""
+        return not self.faults
+
+    def as_dict(self) -> dict[str, Any]:
+        """As for a JSON file."""
+        faults = [{**fault.as_dict(), "sentence": str(fault)} for fault in self.faults]
+        return {**vars(self), "fine": self.fine, "faults": faults}
+
+
+def check_job(job: Job, batch: int | None = None, progress: ProgressCallback | None = None) -> JobCheck:
+    """Check a job: the order of its design, and the waypoints of every batch that has some.
+
+    What is found, by kind: ``"in the air"``, ``"left out"``, ``"collision"`` and ``"plate"`` of the order and of
+    waypoints; ``"workspace"``, ``"speed"``, ``"tilt"``, ``"reach"``, ``"start"`` and ``"end"`` (beside the joint),
+    ``"path"`` (beside the plan of the strut) and ``"file"`` (other struts than those of the batch, or files that
+    contradict each other) of waypoints alone.
+
+    Parameters
+    ----------
+    job
+        Nothing of it is changed.
+    batch
+        Look at its waypoints alone, and not at the order.
+    progress
+        Called for every few struts; may cancel.
+
+    Raises
+    ------
+    InputError
+        If the batch has no waypoints, or a file is missing or damaged.
+    Cancelled
+        If ``progress`` returns ``False``.
+    """
+    current = job.current
+    there = range(job.sequence.batch_count if current is None else current + 1)
+    if batch is not None and batch not in there:
+        remedy = f"give one from 0 to {there[-1]}"
+        raise InputError.at(job.folder, "batch", f"{batch} has no waypoints", remedy)
+    nozzle = job.settings.robot.waypoints.nozzle or Nozzle.fitting(job.design)
+    faults = []
+    if batch is None:
+        faults += check_sequence(job.design, job.sequence_at(0), nozzle, progress)
+    looked_at = tuple(there) if batch is None else (batch,)
+    waypoints = poses = 0
+    for number in looked_at:
+        report(progress, Progress("checking waypoints", number, len(there)))
+        look = _BatchCheck.build(job, number, nozzle)
+        faults += look.faults(progress, len(there))
+        waypoints, poses = waypoints + len(look.path.position), poses + look.pose_count
+    return JobCheck(tuple(faults), looked_at, waypoints, poses)
+
+
+@dataclass(eq=False)
+class _BatchCheck:
+    """One batch: what stands before it, what is to be laid, and the way of the tool."""
+
+    job: Job
+    batch: int
+    nozzle: Nozzle
+    sequence: PrintSequence
+    ahead: Anticipation
+    path: ToolPath
+    others: dict[str, ToolPath]
+    pose_count: int = 0
+
+    @classmethod
+    def build(cls, job: Job, batch: int, nozzle: Nozzle) -> _BatchCheck:
+        robot = job.settings.robot
+        folder = job.batch_folder(batch) / files.WAYPOINTS
+        paths = {
+            format: read_tool_path(folder / waypoint_file(batch, format), format, robot.workspace)
+            for format in robot.formats
+            if format != "assembly"
+        }
+        if not paths:
+            problem, remedy = "holds no waypoints", "plan the job with another format than assembly"
+            raise InputError.at(folder, "formats", problem, remedy)
+        ahead, sequence = job.anticipation(batch), job.sequence_at(batch)
+        first = next(iter(paths))
+        path = paths.pop(first)
+        return cls(job, batch, nozzle.long_enough(ahead.plan), sequence, ahead, path, paths)
+
+    def faults(self, progress: ProgressCallback | None, total: int) -> list[Fault]:
+        robot, path = self.job.settings.robot, self.path
+        found = [*self._in_the_air(), *agreement_faults(path, self.others)]
+        for each in (path, *self.others.values()):
+            limits = limit_faults(each, robot.workspace, robot.waypoints.max_tilt_deg, robot.ur10e_tool)
+            found += [fault for fault in limits if fault not in found]
+        runs, struts = path.strut_runs(), self.ahead.laying.struts
+        if len(runs) != len(struts):
+            problem = f"its waypoints lay {len(runs)} struts where the batch has {len(struts)}"
+            return [replace(fault, batch=self.batch) for fault in (*found, Fault("file", None, problem))]
+        for place, strut in enumerate(struts.tolist()):
+            report(progress, Progress("checking waypoints", self.batch, total))
+            found += self._of_strut(place, strut, runs)
+        return [replace(fault, batch=self.batch) for fault in found]
+
+    def _in_the_air(self) -> list[Fault]:
+        """Of the batch, and of all that is to come where it is the current one."""
+        late = begun_in_the_air(self.ahead.plan, self.sequence, since=self.batch)
+        if self.batch == self.job.current:
+            return late
+        return [fault for fault in late if fault.strut in self.ahead.laying.struts]
+
+    def _of_strut(self, place: int, strut: int, runs: list[tuple[int, int]]) -> Iterator[Fault]:
+        """What is wrong with one strut of the batch, on the way to it and from it too."""
+        ahead, (first, last) = self.ahead, runs[place]
+        frame = ahead.frame(place + 0.5)  # as the print is expected to be by then
+        laying = ahead.laying
+        curves = laying.directed_curves(frame)
+        radius, path = float(frame.radius[strut]), self.path
+        start, end = laying.start[place], laying.end_in(frame)[place]
+        away = float(np.linalg.norm(path.position[first] - frame.vertices[start]))
+        if away > BESIDE * radius:
+            yield Fault("start", strut, f"it begins {away:.3g} mm beside its joint")
+        there = ahead.plan.printed_vertices() | ahead.plan.grounded
+        there[[*laying.start[:place], *laying.end_in(frame)[:place]]] = True
+        away = float(np.linalg.norm(path.position[last] - frame.vertices[end]))
+        if there[end] and away > BESIDE * radius:
+            yield Fault("end", strut, f"it ends {away:.3g} mm beside a joint that is there already")
+        away = _furthest(path.position[first : last + 1], curves[place])
+        if away > BESIDE * radius:
+            yield Fault("path", strut, f"its waypoints lie up to {away:.3g} mm beside its plan")
+        standing = np.flatnonzero(ahead.plan.printed)
+        order = np.concatenate([standing, laying.struts])
+        struts = SampledStruts.build(
+            np.concatenate([frame.control_points[standing], curves]), frame.radius[order], frame.edges[order]
+        )
+        poses = self._poses(len(standing) + place, curves[place], place, runs)
+        self.pose_count += len(poses.tip)
+        depth = collision_depths(struts, poses, self.nozzle)[0]
+        collision = collision_fault(strut, order, depth, frame.radius[order])
+        if collision is not None:
+            yield collision
+        low = poses.tip[:, 2] + np.minimum(0.0, self.nozzle.lowest(UP, poses.axis))
+        sunk = plate_height(self.job.design) - float(low.min())
+        if sunk > 1e-6 * self.job.design.extent:
+            yield plate_fault(strut, sunk)
+
+    def _poses(self, place: int, curve: np.ndarray, run: int, runs: list[tuple[int, int]]) -> ToolPoses:
+        """From the highest point of the way to the strut, along it, and to the highest point of the way on."""
+        first, last = runs[run]
+        height, step = self.path.position[:, 2], POSE_STEP * float(self.job.design.radius.min())
+        before = 0 if run == 0 else _highest(height, runs[run - 1][1], first)
+        after = len(height) - 1 if run == len(runs) - 1 else _highest(height, last, runs[run + 1][0])
+        parts = [self.path.poses(a, b, step) for a, b in ((before, first), (first, last), (last, after))]
+        along = np.linspace(0.0, 1.0, SAMPLES)
+        points = bezier.evaluate(curve, along)
+        near = [int(np.argmin(((points - tip) ** 2).sum(axis=1))) for tip in parts[1][0]]
+        laid = np.concatenate([np.zeros(len(parts[0][0])), along[near], np.ones(len(parts[2][0]))])
+        tip, axis = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+        return ToolPoses(np.array([place]), np.array([0, len(tip)]), tip, axis, laid)
+
+
+def _highest(height: np.ndarray, first: int, last: int) -> int:
+    """The highest waypoint from one to another, the first of several."""
+    return first + int(np.argmax(height[first : last + 1]))
+
+
+def _furthest(points: np.ndarray, curve: np.ndarray) -> float:
+    """The largest distance in mm of points (N, 3) from a curve (4, 3); too small by at most half a sample."""
+    samples = bezier.evaluate(curve, np.linspace(0.0, 1.0, SAMPLES))
+    return float(np.linalg.norm(points[:, None] - samples, axis=2).min(axis=1).max())

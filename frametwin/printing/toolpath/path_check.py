@@ -1,0 +1,87 @@
+"""Whether the way of the tool stays within what the robot may do, and whether files say the same; computed anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from frametwin.printing.sequencing.check import Fault
+from frametwin.printing.toolpath.reach import within_reach
+from frametwin.printing.toolpath.tool_path import ToolPath
+from frametwin.printing.toolpath.workspace import Workspace
+
+ROUNDING = 1e-5
+"""mm and mm/s; formats write fewer digits than numbers have."""
+
+SAME_SPEED = 0.01
+"""mm/s by which formats may differ, which round down."""
+
+SAME_AXIS = 1e-5
+
+
+def limit_faults(
+    path: ToolPath, workspace: Workspace, max_tilt_deg: float, ur10e_tool: float | None
+) -> Iterator[Fault]:
+    """Find where the tool leaves its limits: workspace, speed, tilt, and the reach of a UR10e; the worst place of each.
+
+    Parameters
+    ----------
+    path
+        Of the tool.
+    workspace
+        Limits in the coordinates of the robot's base.
+    max_tilt_deg
+        How far the tool may lean from the vertical of the print, where that is less than the workspace allows.
+    ur10e_tool
+        From the flange of a UR10e to the tip in mm; ``None`` for another robot.
+    """
+    where = path.position @ workspace.base[:3, :3].T + workspace.base[:3, 3]
+    outside = np.maximum(workspace.lower - where, where - workspace.upper).max(axis=1)
+    n = int(np.argmax(outside))
+    if outside[n] > ROUNDING:
+        yield Fault("workspace", None, f"waypoint {n} is {outside[n]:.3g} mm outside of the workspace")
+    n = int(np.argmax(path.speed))
+    if path.speed[n] > workspace.max_speed + ROUNDING:
+        too_fast = path.speed[n] - workspace.max_speed
+        yield Fault("speed", None, f"waypoint {n} is reached {too_fast:.3g} mm/s too fast")
+    n = int(np.argmin(path.speed))
+    if path.speed[n] <= 0.0:
+        yield Fault("speed", None, f"waypoint {n} has no speed")
+    allowed = min(max_tilt_deg, workspace.max_tilt_deg)
+    tilt = np.degrees(np.arctan2(np.hypot(path.axis[:, 0], path.axis[:, 1]), path.axis[:, 2]))
+    n = int(np.argmax(tilt))
+    if tilt[n] > allowed + 1e-4:
+        yield Fault("tilt", None, f"the tool leans {tilt[n] - allowed:.3g} degrees too far at waypoint {n}")
+    if ur10e_tool is not None:
+        turns = workspace.base[:3, :3] @ path.rotation
+        bad = np.flatnonzero(~within_reach(where - ur10e_tool * turns[:, :, 2], turns))
+        if len(bad):
+            problem = f"waypoint {int(bad[0])} is out of a UR10e's reach, as are {len(bad) - 1} others"
+            yield Fault("reach", None, problem)
+
+
+def agreement_faults(path: ToolPath, others: Mapping[str, ToolPath]) -> Iterator[Fault]:
+    """Find files that make the tool do something else than the first one.
+
+    Parameters
+    ----------
+    path
+        Of the first file.
+    others
+        Those of the other files, by format.
+    """
+    for format, other in others.items():
+        if len(other.position) != len(path.position):
+            numbers = f"{len(other.position)} waypoints where another has {len(path.position)}"
+            yield Fault("file", None, f"its {format} file has {numbers}")
+            continue
+        differences = {
+            "positions": np.abs(other.position - path.position).max() > ROUNDING,
+            "axes": np.abs(other.axis - path.axis).max() > SAME_AXIS,
+            "speeds": np.abs(other.speed - path.speed).max() > SAME_SPEED,
+            "extrusion": not np.array_equal(other.extrude, path.extrude),
+        }
+        wrong = [name for name, differs in differences.items() if differs]
+        if wrong:
+            yield Fault("file", None, f"its {format} file has other {' and '.join(wrong)} than another one")

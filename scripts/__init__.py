@@ -1,0 +1,1 @@
+"""Run by developers, or by ``blender --background --python``."""

@@ -1,0 +1,233 @@
+"""``frametwin print check``: sound jobs pass, and every fault that is planted in one is named."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_tools import done, refused, run
+from print_cases import LeaningPrint, fingerprint, print_batch, small_job
+from scipy.spatial.transform import Rotation
+from small_frames import tower
+
+from frametwin.errors import Cancelled, InputError
+from frametwin.printing.job.check import check_job
+from frametwin.printing.job.job import Job
+from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.toolpath.exports import SUFFIXES
+from frametwin.printing.toolpath.robot_files import waypoint_file
+from frametwin.printing.toolpath.tool_path import read_tool_path
+from frametwin.progress import Progress
+
+BASE = ((0.0, -1.0, 0.0, 500.0), (1.0, 0.0, 0.0, -120.0), (0.0, 0.0, 1.0, 40.0), (0.0, 0.0, 0.0, 1.0))
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Job:
+    """A tower, turned and shifted before the robot, in every format."""
+    options = PlanOptions(batch_size=8, formats=tuple(SUFFIXES), base=BASE, ur10e_tool=150.0)
+    return plan_job(tmp_path / "job", tower(), options)
+
+
+def waypoints(job: Job) -> Path:
+    return job.batch_folder(0) / "waypoints" / waypoint_file(0, "json")
+
+
+def change(job: Job, edit: Callable[[dict[str, Any]], None]) -> None:
+    """Edit the first batch's waypoints by hand."""
+    path = waypoints(job)
+    data = json.loads(path.read_text())
+    edit(data)
+    path.write_text(json.dumps(data))
+
+
+def printed_rows(data: dict[str, Any], place: int) -> tuple[int, int]:
+    """First and last waypoint of one of the struts that are laid."""
+    strut = data["strut"]
+    struts = list(dict.fromkeys(strut))
+    rows = [n for n, kind in enumerate(data["kind"]) if strut[n] == struts[place] and kind in ("approach", "print")]
+    return rows[0], rows[-1]
+
+
+def test_a_sound_job_passes_and_is_left_alone(job: Job) -> None:
+    before = fingerprint(job.folder)
+    found = check_job(job)
+    assert found.fine and found.batches == (0,)
+    data = json.loads(waypoints(job).read_text())
+    assert found.waypoints == len(data["position"]) and found.poses > 3 * found.waypoints
+    assert fingerprint(job.folder) == before
+
+
+def test_every_format_tells_the_same_way(job: Job) -> None:
+    paths = [
+        read_tool_path(waypoints(job).parent / waypoint_file(0, name), name, job.settings.robot.workspace)
+        for name in SUFFIXES
+    ]
+    for path in paths[1:]:
+        np.testing.assert_allclose(path.position, paths[0].position, atol=2e-6)
+        np.testing.assert_allclose(path.axis, paths[0].axis, atol=1e-6)
+        np.testing.assert_allclose(path.speed, paths[0].speed, atol=2e-3)
+        assert path.extrude.tolist() == paths[0].extrude.tolist()
+        assert len(path.strut_runs()) == 8
+        np.testing.assert_allclose(np.linalg.det(path.rotation), 1.0)
+
+
+def test_poses_between_waypoints_are_close_and_end_on_them(job: Job) -> None:
+    path = read_tool_path(waypoints(job), "json", job.settings.robot.workspace)
+    last = len(path.position) - 1
+    tip, axis = path.poses(0, last, 0.4)
+    assert np.linalg.norm(np.diff(tip, axis=0), axis=1).max() <= 0.4 + 1e-9
+    assert (axis[1:] * axis[:-1]).sum(axis=1).min() > np.cos(np.radians(1.01))
+    np.testing.assert_allclose(tip[[0, -1]], path.position[[0, last]])
+    np.testing.assert_allclose(axis[[0, -1]], path.axis[[0, last]], atol=1e-12)
+    away = np.linalg.norm(path.position[:, None] - tip, axis=2).min(axis=1)
+    assert away.max() < 1e-9
+
+
+def test_an_answered_job_passes_at_every_batch(tmp_path: Path) -> None:
+    """The plan has moved with a print that leans, and is expected to go on."""
+    job, real = small_job(tmp_path / "job", tower(), formats=("json", "gcode")), LeaningPrint(tower())
+    for batch in range(2):
+        job.answer(real.take(tmp_path / f"capture{batch}", print_batch(job, real)))
+    assert np.abs(job.plan(2).vertices - job.design.vertices).max() > 1.0
+    found = check_job(job)
+    assert [str(fault) for fault in found.faults] == [] and found.batches == (0, 1, 2)
+    assert check_job(job, 1).batches == (1,)
+    with pytest.raises(InputError, match="batch: 3 has no waypoints"):
+        check_job(job, 3)
+
+
+# --- planted faults
+
+
+def test_a_waypoint_outside_of_the_workspace_or_too_fast_is_named(job: Job) -> None:
+    def edit(data: dict[str, Any]) -> None:
+        data["position"][0][2] = 2000.0
+        data["speed"][2] = 900.0
+        data["speed"][3] = 0.0
+
+    change(job, edit)
+    found = check_job(job)
+    said = [str(fault) for fault in found.faults]
+    assert {"workspace", "speed", "file", "reach"} <= {fault.kind for fault in found.faults}
+    assert any("batch 0: waypoint 0 is " in line and "outside of the workspace" in line for line in said)
+    assert any("waypoint 2 is reached 650 mm/s too fast" in line for line in said)
+    assert any("waypoint 3 has no speed" in line for line in said)
+
+
+def test_a_tool_that_leans_too_far_is_named(job: Job) -> None:
+    def edit(data: dict[str, Any]) -> None:
+        lean = Rotation.from_euler("y", 70.0, degrees=True).as_matrix() @ np.diag([1.0, -1.0, -1.0])
+        data["rotation"][0] = lean.tolist()
+
+    change(job, edit)
+    (tilt,) = (fault for fault in check_job(job).faults if fault.kind == "tilt")
+    assert "leans 10 degrees too far at waypoint 0" in str(tilt)
+
+
+def test_a_strut_that_is_laid_beside_its_joint_is_named(job: Job) -> None:
+    strut = int(job.sequence.struts[3])
+
+    def edit(data: dict[str, Any]) -> None:
+        first, last = printed_rows(data, 3)
+        for n in range(first, last + 1):
+            data["position"][n][0] += 0.8
+
+    change(job, edit)
+    said = {fault.kind: str(fault) for fault in check_job(job).faults if fault.strut == strut}
+    assert said["start"] == f"batch 0, strut {strut}: it begins 0.8 mm beside its joint"
+    assert "path" in said
+
+
+def test_a_strut_that_is_not_laid_is_missed(job: Job) -> None:
+    def edit(data: dict[str, Any]) -> None:
+        first, last = printed_rows(data, 5)
+        data["extrude"][first : last + 1] = [False] * (last + 1 - first)
+
+    change(job, edit)
+    said = [str(fault) for fault in check_job(job).faults]
+    assert "batch 0: its waypoints lay 7 struts where the batch has 8" in said
+
+
+def test_a_way_through_the_print_is_a_collision_and_one_through_the_plate_too(job: Job) -> None:
+    """The tool crosses the print at half the height of a strut that stands, and dips below the plate beside it."""
+    first = int(job.sequence.struts[0])
+    middle = job.design.control_points[first].mean(axis=0)
+
+    def edit(data: dict[str, Any]) -> None:
+        _, last = printed_rows(data, 6)
+        data["position"][last + 2] = middle.tolist()
+        data["position"][last + 3][2] = -30.0
+
+    change(job, edit)
+    faults = [fault for fault in check_job(job).faults if fault.kind in ("collision", "plate")]
+    assert any(first in fault.others and fault.depth > 1.0 for fault in faults)
+    assert any(fault.kind == "plate" and fault.depth > 25.0 for fault in faults)
+
+
+def test_files_that_contradict_each_other_are_named(job: Job) -> None:
+    path = waypoints(job).parent / waypoint_file(0, "gcode")
+    text = path.read_text()
+    move = next(line for line in text.splitlines() if line.startswith("G1"))
+    path.write_text(text.replace(move, move.replace(" E", " E9"), 1))
+    assert check_job(job).fine  # more of it, but material all the same
+    path.write_text(text.replace(move, move.replace("G1 X", "G1 X1"), 1))
+    found = {fault.problem for fault in check_job(job).faults if fault.kind == "file"}
+    assert found == {"its gcode file has other positions than another one"}
+
+
+def test_an_order_that_cannot_be_printed_is_found(tmp_path: Path) -> None:
+    """Job.create takes any order; the waypoints of its first batch alone are planned with it."""
+    good = plan_job(tmp_path / "good", tower(), PlanOptions(batch_size=8, allow_contact=True))
+    sequence = good.sequence
+    turned = PrintSequence(sequence.struts[::-1], sequence.start[::-1], sequence.axis[::-1], sequence.batch)
+    job = Job.create(tmp_path / "bad", good.design, turned, good.settings)
+    faults = check_job(job).faults
+    assert {"in the air", "collision"} <= {fault.kind for fault in faults if fault.batch is None}
+    first = int(turned.struts[0])
+    assert any(fault.kind == "in the air" and fault.strut == first for fault in faults if fault.batch == 0)
+
+
+def test_contacts_that_were_allowed_are_those_that_are_found(tmp_path: Path) -> None:
+    job = plan_job(tmp_path / "job", tower(), PlanOptions(batch_size=24, max_tilt_deg=0.0, allow_contact=True))
+    contacts = job.waypoint_summary(0)["contacts"]
+    told = {int(sentence.split()[1].rstrip(":")) for sentence in contacts}
+    found = {fault.strut for fault in check_job(job).faults if fault.batch == 0}
+    assert told and told == found
+
+
+# --- the command
+
+
+def test_the_command_tells_by_its_exit_code(job: Job, tmp_path: Path) -> None:
+    text = done("print", "check", job.folder, "--quiet").stdout
+    assert text.startswith(f"All is well with {job.folder}: the order and the ")
+    data = json.loads(done("print", "check", job.folder, "--json", "--quiet").stdout)
+    assert data["fine"] is True and data["faults"] == [] and data["batches"] == [0]
+    change(job, lambda data: data["position"].__setitem__(0, [0.0, 0.0, 5000.0]))
+    bad = run("print", "check", job.folder, "--quiet")
+    assert bad.exit_code == 1 and "  - batch 0: waypoint 0 is " in bad.stdout and "Traceback" not in bad.stderr
+    machine = run("print", "check", job.folder, "--quiet", "--json", "--batch", "0")
+    faults = json.loads(machine.stdout)["faults"]
+    assert machine.exit_code == 1 and "workspace" in {fault["kind"] for fault in faults}
+    assert all(fault["sentence"].startswith("batch 0") for fault in faults)
+    assert "is no print job" in refused("print", "check", tmp_path)
+    waypoints(job).unlink()
+    assert waypoint_file(0, "json") in refused("print", "check", job.folder, "--quiet")
+
+
+def test_a_check_can_be_cancelled(job: Job) -> None:
+    stages = []
+
+    def stop_at_the_waypoints(progress: Progress) -> bool:
+        stages.append(progress.stage)
+        return progress.stage != "checking waypoints"
+
+    with pytest.raises(Cancelled):
+        check_job(job, progress=stop_at_the_waypoints)
+    assert "checking the order for collisions" in stages

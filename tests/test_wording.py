@@ -1,0 +1,36 @@
+"""Lists in sentences and in tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from frametwin.wording import enumerated, having, listed, shortened
+
+
+@pytest.mark.parametrize(
+    ("items", "sentence", "table"),
+    [
+        ([], "none", "none"),
+        (["a"], "a", "a"),
+        (["a", "b"], "a and b", "a, b"),
+        (["a", "b", "c"], "a, b and c", "a, b, c"),
+        (["a", "b", "c", "d"], "a, b, c and d", "a, b, c and 1 more"),
+    ],
+)
+def test_lists(items: list[str], sentence: str, table: str) -> None:
+    assert enumerated(items) == sentence and enumerated(iter(items)) == sentence
+    assert shortened(items, 3) == table
+
+
+def test_what_is_left_out_is_counted() -> None:
+    assert shortened(range(6), 2, "others") == "0, 1 and 4 others"
+    assert shortened(["a, b", "c", "d"], 2, gap="; ") == "a, b; c; and 1 more"
+    assert shortened(["a, b", "c"], 2, gap="; ") == "a, b; c"
+
+
+def test_struts_by_number() -> None:
+    assert (listed([3]), having([3])) == ("strut 3", "strut 3 has")
+    assert (listed(np.array([3, 4])), having(np.array([3, 4]))) == ("struts 3 and 4", "struts 3 and 4 have")
+    assert listed(range(12)) == "struts 0, 1, 2, 3, 4, 5, 6, 7 and 4 others"
+    assert having(range(4), most=2) == "struts 0, 1 and 2 others have"
