@@ -137,7 +137,9 @@ class FastSettings(Changeable):
     suspicious: Share = 0.9
     troubled: Share = 0.03
     absent: Share = 0.5
-    field_cells: Annotated[tuple[Annotated[int, within(1, 16)], ...], some(""), in_words(CELLS_WANTED)] = (2, 5)
+    field_cells: Annotated[
+        tuple[Annotated[int, within(1, 16)], ...], some("one level or more"), in_words(CELLS_WANTED)
+    ] = (2, 5)
 
     def __post_init__(self) -> None:
         check_settings(self)
