@@ -18,6 +18,7 @@ Weight = Annotated[float, within(0.0, 1e12)]
 Cap = Annotated[float, above(0.0, up_to=1e6)]
 
 CELLS_WANTED = "the cells of one level or more, from 1 to 16, such as 2 5, with one above 12 at most"
+Cells = Annotated[tuple[Annotated[int, within(1, 16)], ...], some("one level or more"), in_words(CELLS_WANTED)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,9 +138,7 @@ class FastSettings(Changeable):
     suspicious: Share = 0.9
     troubled: Share = 0.03
     absent: Share = 0.5
-    field_cells: Annotated[
-        tuple[Annotated[int, within(1, 16)], ...], some("one level or more"), in_words(CELLS_WANTED)
-    ] = (2, 5)
+    field_cells: Cells = (2, 5)
 
     def __post_init__(self) -> None:
         check_settings(self)
