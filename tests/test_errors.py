@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from worker_cases import worker_python
+from worker_cases import extra_client, worker_python
 
 from frametwin.dataset.farm import run_tasks
 from frametwin.errors import Cancelled, Doubt, FrameTwinError, Held, InputError, error_from
@@ -92,6 +92,15 @@ def test_parts_come_through_the_worker(tmp_path: Path) -> None:
             worker.call("simulate", {"frame": "bridge", "settings": {"views": 1}})
         assert (caught.value.source, caught.value.field) == ("settings", "views")
         assert str(caught.value) == "settings: views: is 1; give a whole number from 2 to 1000, 8 are usual."
+
+
+def test_a_held_job_comes_through_the_worker() -> None:
+    with extra_client() as worker, pytest.raises(Held) as caught:
+        worker.call("hold")
+    assert caught.value.parts == {
+        "source": "captures/3", "field": "collapsed", "problem": "it lies on the plate", "remedy": "look at it",
+    }  # fmt: skip
+    assert [doubt.kind for doubt in caught.value.doubts] == ["collapsed", "poor-fit"]
 
 
 @pytest.mark.parametrize("kind", ["failed", "ended", "protocol"])

@@ -19,6 +19,7 @@ Weight = Annotated[float, within(0.0, 1e12)]
 Cap = Annotated[float, above(0.0, up_to=1e6)]
 
 CELLS_WANTED = "the cells of one level or more, from 1 to 16, such as 2 5, with one above 12 at most"
+Cells = Annotated[tuple[Annotated[int, within(1, 16)], ...], some("one level or more"), in_words(CELLS_WANTED)]
 
 CAMERAS = ("auto", "exact")
 HOLDS = ("auto", "feet", "cameras")
@@ -146,7 +147,7 @@ class FastSettings(Changeable):
     suspicious: Share = 0.9
     troubled: Share = 0.03
     absent: Share = 0.5
-    field_cells: Annotated[tuple[Annotated[int, within(1, 16)], ...], some(""), in_words(CELLS_WANTED)] = (2, 5)
+    field_cells: Cells = (2, 5)
     cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     hold: Annotated[str, one_of(HOLDS)] = "auto"
     rig_errors: RigErrors = RigErrors()

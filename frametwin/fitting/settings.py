@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from frametwin.errors import InputError
 from frametwin.fitting.changes import Changeable
-from frametwin.ranges import check_settings, one_of, some, within
+from frametwin.ranges import check_settings, in_words, one_of, some, within
 
 FIELD_KINDS = ("network", "lattice", "free", "nodes")
 DECAYS = ("cosine", "geometric")
@@ -74,7 +74,9 @@ class FitSettings(Changeable):
     bending_power: Annotated[float, within(1e-3, 16.0)] = 2.0
     bending_samples: Annotated[int, within(1, 10_000_000)] = 2048
     lattice_cells: Annotated[
-        tuple[Annotated[int, within(1, 64)], ...], some("the cells of one level or more, such as 1, 3, 6")
+        tuple[Annotated[int, within(1, 64)], ...],
+        some("one level or more"),
+        in_words("the cells of one level or more, from 1 to 64, such as 1, 3, 6"),
     ] = (1, 3, 6)
     node_count: Annotated[int, within(1, 100_000)] = 256
     node_neighbours: Annotated[int, within(1, 64)] = 4

@@ -59,6 +59,11 @@ def test_a_result_is_loaded_and_finished(runner: Runner) -> None:
     assert shown == sorted(shown) and len(set(shown)) > 2 and cleared == [1]
 
 
+def test_a_print_job_that_holds_is_told_as_it_was(runner: Runner) -> None:
+    runner.start(job("hold"))
+    assert run(runner) == "captures/3: collapsed: it lies on the plate; look at it." and runner.status.error
+
+
 def test_one_at_a_time_in_one_process(runner: Runner) -> None:
     runner.start(job("count"))
     with pytest.raises(FrameTwinError, match="still under way"):

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from frametwin.errors import FrameTwinError
+from frametwin.errors import Doubt, FrameTwinError, Held
 from frametwin.files import staged_directory
 from frametwin.progress import Progress, ProgressCallback, report
 
@@ -70,3 +70,9 @@ def echo(values: Any) -> dict[str, Any]:
 
 def nan() -> dict[str, Any]:
     return {"value": float("nan")}
+
+
+def hold() -> dict[str, Any]:
+    held = Held.at("captures/3", "collapsed", "it lies on the plate", "look at it")
+    held.doubts = (Doubt("collapsed", "it lies on the plate", "look at it"), Doubt("poor-fit", "it fits ill", "wipe"))
+    raise held
