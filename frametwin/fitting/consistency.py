@@ -25,6 +25,9 @@ CLEARLY = 0.3
 """Share by which freeing the cameras would lower the loss after the first free steps, at which they are freed at once:
 the frame has been bent to explain them, and the fit begins anew."""
 
+NOTHING_AGREES = 0.2
+"""Misfit of the typical view after the first free steps from which the frame is too far off for the gain to tell."""
+
 SLIGHTLY = 0.05
 """The same in sharper pictures, at which they are freed where the frame is. Exact cameras stay below 0.02, a
 hundredth of a degree is at 0.14 and more."""
@@ -97,10 +100,17 @@ def _begun(problem: Problem, state: State, field: DeformationField | None) -> St
     first = state.lapped("set-up")
     state = search(problem, first) if field is None else refine(problem, _started(problem, first, field))
     state = _with_joint_material(problem, state)
-    if problem.settings.cameras == "exact" or camera_gain(problem, state, problem.settings.refine[-1]) < CLEARLY:
+    if problem.settings.cameras == "exact" or not _asks_for_cameras(problem, state):
         return state
     afresh = replace(first, record=state.record, cameras=problem.exact_cameras(), joint_size=state.joint_size)
     return held_by(problem, search(problem, afresh), "feet").anchored()
+
+
+def _asks_for_cameras(problem: Problem, state: State) -> bool:
+    """Whether so much would be won by free cameras, or so little agrees, that the fit has to begin anew with them."""
+    stage = problem.settings.refine[-1]
+    astray = float(np.median(_misfit(problem, state, stage).total)) > NOTHING_AGREES
+    return astray or camera_gain(problem, state, stage) > CLEARLY
 
 
 def _started(problem: Problem, state: State, field: DeformationField) -> State:

@@ -155,4 +155,4 @@ def world_deviation(elastic: ElasticFrame, errors: RigErrors, views: int, holds:
     standing = frame.vertices[frame.grounded] if frame.grounded.any() else frame.vertices
     reach = np.linalg.norm(middle - standing.mean(axis=0), axis=1)
     at = FEET / np.sqrt(len(standing)) if holds == "feet" else errors.shift / np.sqrt(views)
-    return np.hypot(at, 0.5 * LENGTH * reach)
+    return np.hypot(at, LENGTH * reach)

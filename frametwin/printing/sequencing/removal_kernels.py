@@ -110,7 +110,7 @@ def bridges(edges: np.ndarray, grounded: np.ndarray, present: np.ndarray, bridge
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _appeal(edges, grounded, held, stiffness, height, i):  # type: ignore[no-untyped-def]
+def _appeal(edges, grounded, held, stiffness, height, i):
     """How good it is to take strut i away next: high up, on a loose joint, without loosening others."""
     looseness, change = 0.0, 0.0
     for vertex in edges[i]:
@@ -122,7 +122,7 @@ def _appeal(edges, grounded, held, stiffness, height, i):  # type: ignore[no-unt
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _best_axis(allowed, cost, hits, near, i, side, most):  # type: ignore[no-untyped-def]
+def _best_axis(allowed, cost, hits, near, i, side, most):
     """The way of holding the tool with the fewest hits, up to ``most``; among those the cheapest.
 
     Neighbouring directions that are as good count as a merit: there is room to tilt the tool.
@@ -148,7 +148,7 @@ def _best_axis(allowed, cost, hits, near, i, side, most):  # type: ignore[no-unt
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _count_hits(bits, present, hits):  # type: ignore[no-untyped-def]
+def _count_hits(bits, present, hits):
     for i in range(bits.shape[0]):
         for d in range(bits.shape[1]):
             for j in range(bits.shape[0]):
@@ -157,7 +157,7 @@ def _count_hits(bits, present, hits):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _choose(task, degree, bridge, remaining, hits, appeal, tolerate):  # type: ignore[no-untyped-def]
+def _choose(task, degree, bridge, remaining, hits, appeal, tolerate):
     """The strut to take away next, the end it begins at and the tool's axis; -1 if there is none."""
     edges, grounded, _, allowed, cost, near, _, _, stage = task
     best, side, axis = -1, -1, -1
@@ -184,7 +184,7 @@ def _choose(task, degree, bridge, remaining, hits, appeal, tolerate):  # type: i
 
 
 @nb.njit(cache=True, error_model="numpy")
-def remove(task, tolerate, remaining, hits, result):  # type: ignore[no-untyped-def]
+def remove(task, tolerate, remaining, hits, result):
     edges, grounded, bits, _, _, _, height, stiffness, _ = task
     order, start, axis = result
     degree, held = np.zeros(len(grounded), dtype=np.int64), np.zeros((len(grounded), 3, 3))
