@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frametwin.fields.base import DeformationField, Floats, checked_points
-from frametwin.fitting.api import field_through
+from frametwin.fitting.frame_field import field_through
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.adapt import adapt
 from frametwin.printing.adaptation.anticipation import Anticipation, drift_rate

@@ -184,7 +184,7 @@ def test_a_capture_of_ones_own(tab: Any, small_capture: Path) -> None:
         np.testing.assert_array_equal(camera.camera_to_world, view.camera.camera_to_world)
     ops.show_pictures()
     shown = [obj.data.background_images[0].image.filepath for obj in tab.rig.objects]
-    assert [Path(bpy.path.abspath(path)) for path in shown] == [view.image for view in capture.views]
+    assert [Path(bpy.path.abspath(path)) for path in shown] == [view.image.path for view in capture.views]
     tab.cameras.opacity, tab.cameras.front = 0.25, True
     drawn = [obj.data.background_images[0] for obj in tab.rig.objects]
     assert {(picture.alpha, picture.display_depth) for picture in drawn} == {(0.25, "FRONT")}

@@ -9,6 +9,7 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.fitting import presence
+from frametwin.fitting.levels import Levels
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level, Pyramid
@@ -67,11 +68,8 @@ class Pictures:
     """
 
     def __init__(self, frame: Wireframe, cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> None:
-        pyramid = Pyramid(cameras, masks)
         printed, _, _ = frame.printed_part()
-        density = pyramid.pixels_per_mm(printed.bounds.mean(axis=0))
-        scale = min(1.0, DETAIL / (density * float(np.median(printed.radius))))
-        self.level: Level = pyramid.level(scale, BLUR)
+        self.level: Level = Levels(printed, Pyramid(cameras, masks)).at(DETAIL, BLUR)
         self._white = float(self.level.target.sum())
         self._pixels = float((self.level.target > 0.5).sum())
 
