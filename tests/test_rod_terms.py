@@ -172,7 +172,8 @@ def test_levels_are_reduced_and_blurred() -> None:
     for picture, mask, camera, row in zip(half.pictures(half.target), masks, cameras, half.cameras, strict=True):
         height, width = picture.shape
         np.testing.assert_allclose(picture, mask.reshape(height, 2, width, 2).mean(axis=(1, 3)), atol=1e-6)
-        np.testing.assert_allclose(row[12:] * 2.0, [camera.fl_x, camera.fl_y, camera.cx, camera.cy])
+        np.testing.assert_allclose(row[12:16] * 2.0, [camera.fl_x, camera.fl_y, camera.cx, camera.cy])
+        assert row[16] == 0.0  # the pictures are undistorted
     dot = np.zeros((41, 41), dtype=np.float32)
     dot[20, 20] = 1.0
     wide = Pyramid([camera_at([60.0, 5.0, 20.0], (41, 41), 90.0)], [dot]).level(1.0, 1.5)

@@ -13,6 +13,7 @@ import pytest
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.twin import Twin, read_twin, write_twin
+from frametwin.twin.verdict import Verdict
 
 ARRAYS = ("control_points", "vertices", "thickness", "opacity", "completeness", "confidence")
 
@@ -51,9 +52,37 @@ def test_round_trip(tmp_path: Path, curved_frame: Wireframe) -> None:
 def test_file_is_as_designed(tmp_path: Path, curved_frame: Wireframe) -> None:
     write_twin(tmp_path, make(curved_frame))
     data = json.loads((tmp_path / "twin.json").read_text())
-    assert set(data) == {"format", "version", *ARRAYS, "loss", "timing", "provenance"}
-    assert (data["format"], data["version"]) == ("frametwin-twin", 1)
+    since_2 = {"sigma_across", "sigma_along", "joint_radius", "cameras", "views", "verdict"}
+    assert set(data) == {"format", "version", *ARRAYS, "loss", "timing", "provenance", *since_2}
+    assert (data["format"], data["version"]) == ("frametwin-twin", 2)
+    assert data["verdict"] == {"status": "good", "reasons": []} and data["sigma_across"] is None
     assert np.shape(data["control_points"]) == (24, 4, 3) and np.shape(data["thickness"]) == (24, 20)
+
+
+def test_what_came_with_version_2_round_trips(tmp_path: Path, curved_frame: Wireframe) -> None:
+    e, v = curved_frame.strut_count, curved_frame.vertex_count
+    rng = np.random.default_rng(3)
+    more = {"sigma_across": rng.random(e), "sigma_along": rng.random(e), "joint_radius": rng.random(v)}
+    twin = make(
+        curved_frame,
+        **more,
+        cameras=[{"name": "a", "sigmas": 1.5}],
+        views=[{"name": "a", "used": False}],
+        verdict=Verdict("doubtful", ("the light was bad",)),
+    )
+    write_twin(tmp_path, twin)
+    back = read_twin(tmp_path)
+    assert all(np.array_equal(getattr(back, name), values) for name, values in more.items())
+    assert back.cameras == twin.cameras and back.views == twin.views and back.verdict == twin.verdict
+
+
+def test_version_1_is_still_read(tmp_path: Path, curved_frame: Wireframe) -> None:
+    path = write_twin(tmp_path, make(curved_frame))
+    data = json.loads(path.read_text())
+    old = {name: data[name] for name in ("format", *ARRAYS, "loss", "timing", "provenance")} | {"version": 1}
+    path.write_text(json.dumps(old))
+    back = read_twin(path)
+    assert back.sigma_across is None and back.verdict == Verdict() and back.views == ()
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {
@@ -104,7 +133,7 @@ def test_other_faults_of_the_file(tmp_path: Path, curved_frame: Wireframe) -> No
     text = path.read_text()
     for broken, fragment in (
         (text[: len(text) // 2], "cut short"),
-        (text.replace('"version": 1', '"version": 3'), "version: 3"),
+        (text.replace('"version": 2', '"version": 3'), "version: 3"),
         (text.replace('"loss"', '"edges": [], "loss"'), "edges: is not a field"),
     ):
         path.write_text(broken)
