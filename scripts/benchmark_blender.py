@@ -1,6 +1,6 @@
 """How long the add-on holds Blender: importing a twin, pumping while a fit runs, ending a fit that is cancelled.
 
-    python scripts/benchmark_blender.py FRAME [--size 600x800]        (with Blender's module bpy)
+    python scripts/benchmark_blender.py FRAME [--size 800x600]        (with Blender's module bpy)
 
 FRAME is a frame file or the name of one of the project's own. Prints a line for each figure.
 """
@@ -26,9 +26,9 @@ from frametwin.worker.client import WorkerClient, find_python
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("frame")
-    parser.add_argument("--size", default="600x800", help="height x width of the pictures")
+    parser.add_argument("--size", default="800x600", help="width x height of the pictures")
     options = parser.parse_args()
-    size = [int(side) for side in options.size.split("x")]
+    size = [int(side) for side in reversed(options.size.split("x"))]  # height, width
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     with tempfile.TemporaryDirectory() as scratch:
         capture, run = Path(scratch, "capture"), Path(scratch, "run")

@@ -38,6 +38,7 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
     from frametwin.cameras.rigs import ring_rig
     from frametwin.capture.scene import Scene
     from frametwin.formats import read_frame
+    from frametwin.wording import size_text
 
     path = path or (FEMUR if FEMUR.is_file() else TOWER)
     frame = read_frame(path)
@@ -50,7 +51,7 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
         ("photo and background", photo_views, {"style": "photo"}),
     ]
     lines = [
-        f"{path.stem}, {frame.strut_count} struts, {SIZE[0]}x{SIZE[1]}",
+        f"{path.stem}, {frame.strut_count} struts, {size_text(*SIZE)}",
         "",
         "| pictures | views a minute | seconds a view in Blender's renderer | beside it | share |",
         "| --- | --- | --- | --- | --- |",

@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from cli_tools import done, refused, run
@@ -156,7 +157,7 @@ def test_info_of_a_frame_with_loose_struts(tmp_path: Path) -> None:
 
 
 def test_simulate_says_what_it_made(tmp_path: Path) -> None:
-    arguments = ("--size", "96x128", "--views", "2", "--printed", "0.5", "--peak", "5", "--deformation", "warp")
+    arguments = ("--size", "128x96", "--views", "2", "--printed", "0.5", "--peak", "5", "--deformation", "warp")
     result = done("simulate", "bridge", "--out", tmp_path / "a", *arguments, "--json")
     data = json.loads(result.stdout)
     assert data["printed"] == 38 and data["views"] == 2 and data["missing"] == []
@@ -164,6 +165,9 @@ def test_simulate_says_what_it_made(tmp_path: Path) -> None:
     assert "silhouettes 2/2" in result.stderr
     result = done("simulate", "bridge", "--out", tmp_path / "b", *arguments, "--quiet")
     assert result.stderr == "" and "38 of 76 struts printed" in result.stdout
+    assert "2 of 128 x 96 pixels" in result.stdout and "128x96" in done("info", tmp_path / "b").stdout
+    picture = cv2.imread(str(tmp_path / "b" / "images" / "camera_00.png"), cv2.IMREAD_UNCHANGED)
+    assert picture.shape == (96, 128)  # rows, columns
 
 
 # --- progress

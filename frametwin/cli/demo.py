@@ -11,7 +11,6 @@ import click
 from frametwin import __version__
 from frametwin.cli.common import (
     FOLDER,
-    Size,
     json_option,
     load_frame,
     overwrite_option,
@@ -19,6 +18,7 @@ from frametwin.cli.common import (
     print_json,
     print_table,
     quiet_option,
+    size_option,
 )
 from frametwin.cli.display import Display
 from frametwin.cli.evaluate import describe_detection, error_rows
@@ -54,7 +54,7 @@ CONTENT = frozenset({MARK, "capture", "run", "views.png"})
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of all that is random.")
 @click.option("--views", type=click.IntRange(2, 100), default=8, show_default=True, help="Number of cameras.")
-@click.option("--size", type=Size(), default="1200x1600", show_default=True, help="Height x width of the pictures.")
+@size_option
 @click.option(
     "--missing", type=click.IntRange(0), default=0, show_default=True, help="Number of struts that broke off."
 )

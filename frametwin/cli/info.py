@@ -13,7 +13,7 @@ from frametwin.cli.common import (
     print_facts,
     print_json,
 )
-from frametwin.wording import shortened
+from frametwin.wording import shortened, size_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -100,7 +100,7 @@ def _capture(path: Path) -> dict[str, Any]:
     data = {
         "kind": "capture",
         "views": len(capture.views),
-        "sizes": [f"{height}x{width}" for height, width in sizes],
+        "sizes": [size_text(*size) for size in sizes],
         "backgrounds": sum(view.background is not None for view in capture.views),
         "distorted_views": sum(view.camera.has_distortion for view in capture.views),
         "truth": capture.truth is not None,
@@ -130,7 +130,7 @@ def _run(path: Path) -> dict[str, Any]:
     }
 
 
-_NAMES = {"made_by": "made by frametwin", "sizes": "picture sizes (height x width)", "batches": "print batches"}
+_NAMES = {"made_by": "made by frametwin", "sizes": "picture sizes (width x height)", "batches": "print batches"}
 _UNITS = {"extent": "mm", "seconds": "s"}
 
 

@@ -145,7 +145,7 @@ class Rig(Table):
     ----------
     kind : ``ring``, ``dome``, or ``file`` (the cameras of a transforms.json, such as those of a real rig).
     views : number of cameras; several numbers give several samples of the same print, one for each.
-    size : height and width of the pictures in pixels.
+    size : [height, width] of the pictures in pixels.
     elevation_deg : angles above the horizon; of a ring taken in turn, of a dome the lowest and highest.
     fov_deg : vertical field of view.
     margin : free share of the picture on each side.
