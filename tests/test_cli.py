@@ -153,6 +153,17 @@ def test_info_of_a_frame_with_loose_struts(tmp_path: Path) -> None:
     assert "1 (2)" in done("info", file).stdout
 
 
+def test_info_says_that_lengths_were_converted(tmp_path: Path) -> None:
+    frame = {"format": "frametwin-frame", "version": 1, "unit": "in", "radius": 0.05}
+    file = tmp_path / "post.json"
+    file.write_text(json.dumps({**frame, "vertices": [[0, 0, 0], [0, 0, 2]], "edges": [[0, 1]]}))
+    data = json.loads(done("info", file, "--json").stdout)
+    assert data["unit_of_the_file"] == "in" and data["extent"] == pytest.approx(50.8)
+    assert "in, converted to mm" in done("info", file).stdout
+    done("convert", file, tmp_path / "mm.json")
+    assert "unit_of_the_file" not in json.loads(done("info", tmp_path / "mm.json", "--json").stdout)
+
+
 # --- simulate
 
 

@@ -42,9 +42,9 @@ def command(source: str, as_json: bool) -> None:
     if is_run(path):
         data = _run(path)
     elif (path / "transforms.json").exists():
-        data = _capture(path)
+        data = {**_capture(path), **_unit(path)}
     else:
-        data = {"kind": "frame", **describe(load_frame(source))}
+        data = {"kind": "frame", **describe(load_frame(source)), **_unit(path)}
     if as_json:
         print_json(data)
     else:
@@ -83,6 +83,14 @@ def loose_struts(frame: Wireframe) -> list[int]:
         for strut, label in zip(edge_ids, labels[part.edges[:, 0]].tolist(), strict=True)
         if label not in held
     ]
+
+
+def _unit(path: Path) -> dict[str, str]:
+    """The unit of the file, where its lengths had to be converted."""
+    from frametwin.formats import foreign_unit
+
+    unit = foreign_unit(path)
+    return {} if unit is None else {"unit_of_the_file": unit}
 
 
 def _spread(values: np.ndarray) -> dict[str, float]:
@@ -143,6 +151,8 @@ def _facts(data: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _text(key: str, value: Any) -> str:
+    if key == "unit_of_the_file":
+        return f"{value}, converted to mm"
     if key == "bounds":
         return ", ".join(
             f"{axis} {low:.4g} to {high:.4g}" for axis, low, high in zip("xyz", *value.tolist(), strict=True)
