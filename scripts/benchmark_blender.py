@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from frametwin.blender.background.runner import Job, Runner
 from frametwin.blender.display.preview import remove_preview, show_preview
 from frametwin.blender.display.twins import TwinContent, import_twin, remove_twin, show_twin_steps
 from frametwin.blender.frames.plan_objects import make_active
+from frametwin.scratch import scratch_folder
 from frametwin.worker.client import WorkerClient, find_python
 
 
@@ -30,7 +30,7 @@ def main() -> None:
     options = parser.parse_args()
     size = [int(side) for side in reversed(options.size.split("x"))]  # height, width
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    with tempfile.TemporaryDirectory() as scratch:
+    with scratch_folder() as scratch:
         capture, run = Path(scratch, "capture"), Path(scratch, "run")
         with WorkerClient(find_python()) as worker:
             worker.call("simulate", {"frame": options.frame, "settings": {"size": size}, "out": capture})

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -69,8 +68,9 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
 def measure(scene):
     """Render into a folder that is thrown away; the report."""
     from frametwin.blender.rendering.render import render_scene
+    from frametwin.scratch import scratch_folder
 
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch_folder() as folder:
         return render_scene(scene, folder)
 
 
