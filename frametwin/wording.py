@@ -1,7 +1,8 @@
-"""Lists in sentences and in tables."""
+"""What people read and write: lists in sentences and in tables, and sizes of pictures."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 
@@ -44,3 +45,14 @@ def having(struts: Iterable[int], most: int = 8) -> str:
     """Struts as a subject: "strut 3 has", "struts 3 and 4 have"."""
     words = listed(struts, most)
     return f"{words} {'has' if words.startswith('strut ') else 'have'}"
+
+
+def parsed_size(text: str) -> tuple[int, int] | None:
+    """(height, width) of pictures, as arrays have them, from a text such as "1600x1200"; ``None`` for others."""
+    found = re.fullmatch(r"([1-9]\d{0,4})[x×X]([1-9]\d{0,4})", text.strip())
+    return None if found is None else (int(found[2]), int(found[1]))
+
+
+def size_text(height: int, width: int) -> str:
+    """Size of a picture as it is written everywhere: width first, as in "1600x1200"."""
+    return f"{width}x{height}"

@@ -18,7 +18,6 @@ import argparse
 import json
 import subprocess
 import sys
-import tempfile
 from itertools import product
 from pathlib import Path
 from time import perf_counter
@@ -114,10 +113,10 @@ def _masks_by_blender(capture: Simulation, style: str) -> list[np.ndarray]:
     from frametwin.capture.image_files import decode_png
     from frametwin.capture.scene import Scene
     from frametwin.imaging.masks import binarise_photo
+    from frametwin.scratch import scratch_folder
 
     scene = Scene.whole(capture.truth, capture.cameras, style)
-    with tempfile.TemporaryDirectory(prefix="frametwin-") as name:
-        folder = Path(name)
+    with scratch_folder() as folder:
         render_in_child(scene, folder)
 
         def picture(kind: str, camera: Camera) -> np.ndarray:

@@ -1,6 +1,6 @@
 """How long the add-on holds Blender: importing a twin, pumping while a fit runs, ending a fit that is cancelled.
 
-    python scripts/benchmark_blender.py FRAME [--size 600x800]        (with Blender's module bpy)
+    python scripts/benchmark_blender.py FRAME [--size 800x600]        (with Blender's module bpy)
 
 FRAME is a frame file or the name of one of the project's own. Prints a line for each figure.
 """
@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -20,17 +19,18 @@ from frametwin.blender.background.runner import Job, Runner, Steps
 from frametwin.blender.display.preview import remove_preview, show_preview
 from frametwin.blender.display.twins import TwinContent, import_twin, remove_twin, show_twin_steps
 from frametwin.blender.frames.plan_objects import make_active
+from frametwin.scratch import scratch_folder
 from frametwin.worker.client import WorkerClient, find_python
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("frame")
-    parser.add_argument("--size", default="600x800", help="height x width of the pictures")
+    parser.add_argument("--size", default="800x600", help="width x height of the pictures")
     options = parser.parse_args()
-    size = [int(side) for side in options.size.split("x")]
+    size = [int(side) for side in reversed(options.size.split("x"))]  # height, width
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    with tempfile.TemporaryDirectory() as scratch:
+    with scratch_folder() as scratch:
         capture, run = Path(scratch, "capture"), Path(scratch, "run")
         with WorkerClient(find_python()) as worker:
             worker.call("simulate", {"frame": options.frame, "settings": {"size": size}, "out": capture})

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import tempfile
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -30,6 +29,7 @@ from frametwin.printing.records.sequence_file import write_sequence
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
 from frametwin.printing.simulation.simulate import SimulationOptions, simulate_print
 from frametwin.printing.simulation.simulated_pictures import Rig
+from frametwin.scratch import scratch_folder
 
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
 WAYS: dict[str, dict[str, Any]] = {
@@ -118,9 +118,9 @@ def main() -> None:
     if given.results and given.results.exists():
         results = [json.loads(line) for line in given.results.read_text().splitlines()]
     done = {(one["name"], one["way"], one["seed"]) for one in results}
-    with tempfile.TemporaryDirectory(prefix="frametwin-") as scratch:
+    with scratch_folder() as scratch:
         for name in given.frames:
-            frame, order = design_of(name), Path(scratch) / f"{name}.json"
+            frame, order = design_of(name), scratch / f"{name}.json"
             for seed in range(given.seeds):
                 for way in given.ways:
                     if (name, way, seed) in done:
@@ -128,7 +128,7 @@ def main() -> None:
                     if not order.exists():
                         settings = OrderSettings(allow_contact=True)
                         write_sequence(order, plan_sequence(frame, settings))
-                    result = run(frame, order, way, seed, Path(scratch) / f"{name}-{way}-{seed}")
+                    result = run(frame, order, way, seed, scratch / f"{name}-{way}-{seed}")
                     results.append({"name": name, "way": way, "seed": seed, **result})
                     if given.results:
                         with given.results.open("a") as file:

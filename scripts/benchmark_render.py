@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +42,7 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
     from frametwin.cameras.rigs import ring_rig
     from frametwin.capture.scene import Scene
     from frametwin.formats import read_frame
+    from frametwin.wording import size_text
 
     path = path or (FEMUR if FEMUR.is_file() else TOWER)
     frame = read_frame(path)
@@ -59,7 +59,7 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
     if engines.workbench_works():
         kinds.insert(0, ("mask, Workbench", views, {"engine": "workbench"}))
     lines = [
-        f"{path.stem}, {frame.strut_count} struts, {SIZE[0]}x{SIZE[1]}",
+        f"{path.stem}, {frame.strut_count} struts, {size_text(*SIZE)}",
         "",
         "| pictures | views a minute | seconds a view in Blender's renderer | beside it | share |",
         "| --- | --- | --- | --- | --- |",
@@ -77,8 +77,9 @@ def render_benchmark(path: Path | None = None, views: int = 8, photo_views: int 
 def measure(scene: Scene) -> RenderReport:
     """Render into a folder that is thrown away; the report."""
     from frametwin.blender.rendering.render import render_scene
+    from frametwin.scratch import scratch_folder
 
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch_folder() as folder:
         return render_scene(scene, folder)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from frametwin.errors import Cancelled, FrameTwinError, InputError
+from frametwin.wording import parsed_size
 
 
 def arguments() -> list[str]:
@@ -27,6 +28,20 @@ def exit_code(work: Callable[[], int]) -> int:
     except FrameTwinError as error:
         say(str(error))
         return 1
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """(height, width) from the words of ``--size``.
+
+    Raises
+    ------
+    InputError
+        If they are none.
+    """
+    size = parsed_size(text)
+    if size is None:
+        raise InputError.at("settings", "--size", f"is {text!r}", "give width x height, as 1600x1200")
+    return size
 
 
 def say(sentence: str) -> None:

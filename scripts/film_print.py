@@ -11,16 +11,14 @@ there is a picture of every batch, ``film_batch_000.png`` and so on, and with --
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # Blender's Python knows nothing of this project
 
-from frametwin.errors import InputError
 from frametwin.printing.records.history import read_history
 from frametwin.progress import ProgressLines
-from scripts.command import arguments, exit_code, leave, say
+from scripts.command import arguments, exit_code, leave, picture_size, say
 
 
 def parser() -> argparse.ArgumentParser:
@@ -28,7 +26,7 @@ def parser() -> argparse.ArgumentParser:
     result = argparse.ArgumentParser(prog="film_print.py", description=__doc__.split("\n\n")[0])
     result.add_argument("jobs", nargs="+", type=Path, metavar="JOB", help="folders of print jobs of one design")
     result.add_argument("--out", type=Path, required=True, metavar="FILM.mp4", help="the film to write")
-    result.add_argument("--size", default="1080x1920", help="height x width of the pictures [1080x1920]")
+    result.add_argument("--size", default="1920x1080", help="width x height of the pictures [1920x1080]")
     result.add_argument("--blend", type=Path, help="also save the scene, with all batches on the timeline")
     return result
 
@@ -40,13 +38,11 @@ def film(options: argparse.Namespace) -> int:
     from frametwin.blender.display.films import render_film, stage_jobs
     from frametwin.blender.frames.plan_objects import use_millimetres
 
-    size = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", options.size)
-    if size is None:
-        raise InputError.at("settings", "--size", f"is {options.size!r}", "give height x width, as 1080x1920")
+    size = picture_size(options.size)
     histories = [read_history(folder) for folder in options.jobs]
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     use_millimetres(bpy.context.scene)
-    stage_jobs(histories, bpy.context.scene, (int(size[1]), int(size[2])))
+    stage_jobs(histories, bpy.context.scene, size)
     if options.blend is not None:
         bpy.ops.wm.save_as_mainfile(filepath=str(options.blend.absolute()), compress=True)
     written = render_film(bpy.context.scene, options.out, ProgressLines(say))

@@ -19,13 +19,12 @@ from time import perf_counter
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # Blender's Python knows nothing of this project
 
-from frametwin.errors import InputError
 from frametwin.files import staged_directory
 from frametwin.formats import find_frame, frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressLines
 from frametwin.worker.client import WorkerClient, find_python
-from scripts.command import arguments, exit_code, leave, say
+from scripts.command import arguments, exit_code, leave, picture_size, say
 
 
 def run(options: argparse.Namespace) -> int:
@@ -46,7 +45,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("--preset", default="fast", help="of the fit [fast]")
     result.add_argument("--seed", type=int, default=0, help="of the sag and the fit [0]")
     result.add_argument("--views", type=int, default=8, help="cameras around a plan [8]")
-    result.add_argument("--size", default="1200x1600", help="height x width of the pictures of a plan [1200x1600]")
+    result.add_argument("--size", default="1600x1200", help="width x height of the pictures of a plan [1600x1200]")
     result.add_argument("--python", help="the Python of the project's environment [FRAMETWIN_PYTHON]")
     return result
 
@@ -80,9 +79,7 @@ def make_capture(options: argparse.Namespace, plan: Wireframe, folder: Path, wor
     from frametwin.blender.views.rigs import cameras_from_collection, rig_around
     from frametwin.service.render_tasks import render_capture
 
-    size = tuple(int(side) for side in options.size.split("x")) if options.size.count("x") == 1 else ()
-    if len(size) != 2:
-        raise InputError.at("settings", "--size", f"is {options.size!r}", "give height x width, as 1200x1600")
+    size = picture_size(options.size)
     scene = bpy.context.scene
     obj = add_plan(plan, scene)
     request = {"frame": frame_json.to_dict(plan), "settings": {"seed": options.seed}}

@@ -1,4 +1,4 @@
-"""Beam elements, frames of them and their modes, against closed forms and PyNiteFEA."""
+"""Beam elements and frames of them, against closed forms and PyNiteFEA."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pynite_oracle import solve_with_pynite
 
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.pynite_engine import solve_with_pynite
 from frametwin.mechanics.stiffness import (
     PLA,
     FrameBeams,

@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from cli_tools import done, refused, run
@@ -152,11 +153,22 @@ def test_info_of_a_frame_with_loose_struts(tmp_path: Path) -> None:
     assert "1 (2)" in done("info", file).stdout
 
 
+def test_info_says_that_lengths_were_converted(tmp_path: Path) -> None:
+    frame = {"format": "frametwin-frame", "version": 1, "unit": "in", "radius": 0.05}
+    file = tmp_path / "post.json"
+    file.write_text(json.dumps({**frame, "vertices": [[0, 0, 0], [0, 0, 2]], "edges": [[0, 1]]}))
+    data = json.loads(done("info", file, "--json").stdout)
+    assert data["unit_of_the_file"] == "in" and data["extent"] == pytest.approx(50.8)
+    assert "in, converted to mm" in done("info", file).stdout
+    done("convert", file, tmp_path / "mm.json")
+    assert "unit_of_the_file" not in json.loads(done("info", tmp_path / "mm.json", "--json").stdout)
+
+
 # --- simulate
 
 
 def test_simulate_says_what_it_made(tmp_path: Path) -> None:
-    arguments = ("--size", "96x128", "--views", "2", "--printed", "0.5", "--peak", "5", "--deformation", "warp")
+    arguments = ("--size", "128x96", "--views", "2", "--printed", "0.5", "--peak", "5", "--deformation", "warp")
     result = done("simulate", "bridge", "--out", tmp_path / "a", *arguments, "--json")
     data = json.loads(result.stdout)
     assert data["printed"] == 38 and data["views"] == 2 and data["missing"] == []
@@ -164,6 +176,9 @@ def test_simulate_says_what_it_made(tmp_path: Path) -> None:
     assert "silhouettes 2/2" in result.stderr
     result = done("simulate", "bridge", "--out", tmp_path / "b", *arguments, "--quiet")
     assert result.stderr == "" and "38 of 76 struts printed" in result.stdout
+    assert "2 of 128 x 96 pixels" in result.stdout and "128x96" in done("info", tmp_path / "b").stdout
+    picture = cv2.imread(str(tmp_path / "b" / "images" / "camera_00.png"), cv2.IMREAD_UNCHANGED)
+    assert picture.shape == (96, 128)  # rows, columns
 
 
 # --- progress

@@ -23,7 +23,7 @@ from frametwin.geometry.parametric import named_frame
 from frametwin.imaging.masks import read_masks
 from frametwin.twin.twin import read_twin
 
-SMALL = ("--size", "150x200", "--views", "6", "--seed", "1", "--missing", "2")
+SMALL = ("--size", "200x150", "--views", "6", "--seed", "1", "--missing", "2")
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +51,9 @@ def test_convert_a_run_gives_the_curves_of_the_twin(fitted: Path, tmp_path: Path
 
 def test_info_of_a_capture_and_a_run(capture: Path, fitted: Path) -> None:
     data = json.loads(done("info", capture, "--json").stdout)
-    assert data["kind"] == "capture" and data["views"] == 6 and data["sizes"] == ["150x200"] and data["truth"]
+    assert data["kind"] == "capture" and data["views"] == 6 and data["sizes"] == ["200x150"] and data["truth"]
     assert len(data["struts_missing"]) == 2
-    assert "150x200" in done("info", capture).stdout
+    assert "200x150" in done("info", capture).stdout
     data = json.loads(done("info", fitted / "twin.json", "--json").stdout)
     assert data["kind"] == "run" and data["preset"] == "fast" and data["struts"] == 76
     assert "preset" in done("info", fitted).stdout
@@ -77,7 +77,7 @@ def test_simulate(capture: Path) -> None:
 
 
 def test_output_folders_are_not_overwritten(capture: Path, fitted: Path, tmp_path: Path) -> None:
-    small = ("--size", "96x128", "--views", "2", "--quiet")
+    small = ("--size", "128x96", "--views", "2", "--quiet")
     folder = tmp_path / "precious"
     folder.mkdir()
     (folder / "thesis.txt").write_text("years of work")

@@ -220,7 +220,7 @@ def test_the_watch_is_interrupted_at_once(frame: Path, tmp_path: Path) -> None:
 
 
 def test_a_simulation_for_programs_and_for_people(frame: Path, tmp_path: Path) -> None:
-    command = ("print", "simulate", frame, "--out", tmp_path / "job", "--views", "5", "--size", "300x400", "--quiet")
+    command = ("print", "simulate", frame, "--out", tmp_path / "job", "--views", "5", "--size", "400x300", "--quiet")
     told = json.loads(done(*command, "--batch-size", "8", "--json").stdout)
     wanted = {"completed", "collapsed_at_batch", "e_max", "attached", "lost", "mean_deviation", "twin_seconds"}
     assert wanted | {"printing_seconds", "held", "adapted", "struts"} <= told.keys()

@@ -72,7 +72,7 @@ def interrupt_when(arguments: list[str], ready: Callable[[str], bool], number: i
     return child.wait(timeout=60), lines, out
 
 
-LONG = ["--views", "500", "--size", "600x800"]
+LONG = ["--views", "500", "--size", "800x600"]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals that one process sends to another")
@@ -92,7 +92,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path: Path, number: int) -> None
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals that one process sends to another")
 def test_an_interrupted_fit_keeps_the_run_before(tmp_path: Path) -> None:
     capture, old = tmp_path / "capture", tmp_path / "run"
-    done("simulate", "bridge", "--out", capture, "--size", "96x128", "--views", "3", "--quiet")
+    done("simulate", "bridge", "--out", capture, "--size", "128x96", "--views", "3", "--quiet")
     old.mkdir()
     (old / "twin.json").write_text("an earlier twin")
     slow = ["--preset", "paper-lattice", "--set", "iterations=100000"]
@@ -114,7 +114,7 @@ def test_a_terminal_gets_a_bar_that_is_gone_at_the_end(tmp_path: Path) -> None:
     child = subprocess.Popen(
         [
             *[sys.executable, "-m", "frametwin", "simulate", "bridge", "--out", str(tmp_path / "c")],
-            *["--size", "96x128", "--views", "3", "--json"],
+            *["--size", "128x96", "--views", "3", "--json"],
         ],
         cwd=ROOT,
         stdin=subprocess.DEVNULL,

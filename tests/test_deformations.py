@@ -83,7 +83,7 @@ def test_warp_follows_its_seed(straight_frame: Wireframe) -> None:
 
 @pytest.mark.parametrize("direction", [0.0, 135.0])
 def test_pushed_top_leans_the_way_it_is_pushed(direction: float, straight_frame: Wireframe) -> None:
-    settings = SagSettings(peak=3.0, engine="sparse", hardening=Hardening(unhardened_fraction=0.0))
+    settings = SagSettings(peak=3.0, hardening=Hardening(unhardened_fraction=0.0))
     found = tip_load(straight_frame, settings, direction_deg=direction)
     assert largest(found, straight_frame) == pytest.approx(3.0, rel=1e-5)
     top = straight_frame.vertices[:, 2] > 39.0

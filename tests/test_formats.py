@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from frametwin.errors import InputError
-from frametwin.formats import find_frame, read_frame, write_frame
+from frametwin.formats import find_frame, foreign_unit, read_frame, write_frame
 from frametwin.formats.rl3dp import read_pair
 from frametwin.geometry.parametric import arched_bridge
 from frametwin.geometry.wireframe import Wireframe
@@ -153,6 +154,64 @@ def test_frame_json_by_hand(tmp_path: Path) -> None:
         read_frame(write(tmp_path / "post.json", {**minimal, "groundd": [True, False]}))
     with pytest.raises(InputError, match="post.json: printed: is null"):
         read_frame(write(tmp_path / "post.json", {**minimal, "printed": None}))
+
+
+POST = {
+    "format": "frametwin-frame",
+    "version": 1,
+    "vertices": [[0, 0, 0], [0, 0, 2]],
+    "edges": [[0, 1]],
+    "radius": 0.05,
+    "control_points": [[[0, 0, 0], [0.5, 0, 1], [0.5, 0, 1.5], [0, 0, 2]]],
+}
+
+
+@pytest.mark.parametrize(
+    ("unit", "height", "radius", "bow"),
+    [("mm", 2.0, 0.05, 0.5), ("cm", 20.0, 0.5, 5.0), ("m", 2000.0, 50.0, 500.0), ("in", 50.8, 1.27, 12.7)],
+)
+def test_a_frame_may_state_its_unit(tmp_path: Path, unit: str, height: float, radius: float, bow: float) -> None:
+    path = write(tmp_path / "post.json", {**POST, "unit": unit})
+    frame = read_frame(path)
+    assert frame.vertices.tolist() == [[0.0, 0.0, 0.0], [0.0, 0.0, pytest.approx(height)]]
+    assert frame.radius.tolist() == [pytest.approx(radius)]
+    np.testing.assert_allclose(frame.control_points[0, :, 0], [0.0, bow, bow, 0.0])
+    np.testing.assert_allclose(frame.control_points[0, :, 2], np.array([0.0, 0.5, 0.75, 1.0]) * height)
+    assert foreign_unit(path) == (None if unit == "mm" else unit)
+    write_frame(tmp_path / "back.json", frame)  # in mm
+    assert "unit" not in json.loads((tmp_path / "back.json").read_text())
+    assert_same(read_frame(tmp_path / "back.json"), frame)
+
+
+def test_radii_of_single_struts_are_in_the_unit_too(tmp_path: Path) -> None:
+    frame = read_frame(write(tmp_path / "post.json", {**POST, "unit": "in", "radius": [0.125]}))
+    assert frame.radius.tolist() == [3.175]
+
+
+@pytest.mark.parametrize("unit", ["ft", "MM", "", 25.4, ["mm"], True])
+def test_a_unit_that_is_not_known_is_refused(tmp_path: Path, unit: Any) -> None:
+    path = write(tmp_path / "post.json", {**POST, "unit": unit})
+    for read in (read_frame, foreign_unit):
+        with pytest.raises(InputError, match=r"post\.json: unit: .* is not known; write 'mm', 'cm', 'm' or 'in'\."):
+            read(path)
+    with pytest.raises(InputError, match=r"post\.json: unit: is null"):
+        read_frame(write(path, {**POST, "unit": None}))
+
+
+@pytest.mark.parametrize(
+    ("changes", "fragment"),
+    [
+        ({"vertices": [[0, 0], [0, 2]]}, "vertices: is 2 x 2 where"),
+        ({"vertices": "many"}, "vertices: does not hold numbers"),
+        ({"radius": "thick"}, "radius: does not hold numbers"),
+        ({"radius": [0.1, 0.2]}, "radius: "),
+        ({"vertices": [[0, 0, 0], [0, 0, 1e12]]}, "vertices[1][2]: is too large"),
+    ],
+)
+def test_damage_is_told_whatever_the_unit(tmp_path: Path, changes: dict, fragment: str) -> None:
+    path = write(tmp_path / "post.json", {**POST, "unit": "m", **changes})
+    with pytest.raises(InputError, match=re.escape(f"post.json: {fragment}")):
+        read_frame(path)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-HEAVY = ("OpenEXR", "Pynite", "bpy", "cv2", "distributed", "filelock", "matplotlib", "networkx", "numba", "pydantic")
+HEAVY = ("OpenEXR", "bpy", "cv2", "distributed", "filelock", "matplotlib", "networkx", "numba", "pydantic")
 HEAVY += ("rich", "safetensors", "scipy", "torch", "trimesh")
 ADAPTERS = ("frametwin/blender", "addon")  # run inside of Blender, beside its own numpy
 

@@ -55,6 +55,7 @@ MISTAKES = {
     "an unknown key": (BRIDGE + "[rig]\nvews = 8", "rig.vews: is not known"),
     "no frames": ("[rig]\nviews = 8", "[[frames]]"),
     "another kind": (BRIDGE + '[[deformations]]\nkind = "melt"', "deformations[0].kind: is 'melt'"),
+    "an engine that is gone": (BRIDGE + '[[deformations]]\nkind = "sag"\nengine = "pynite"', "engine: is 'pynite'"),
     "falling range": (BRIDGE + '[[deformations]]\nkind = "sag"\npeak_fraction = [0.1, 0.05]', "two rising"),
     "out of range": (BRIDGE + "[printing]\nprinted = [0.5, 1.5]", "printing.printed: is [0.5, 1.5]"),
     "not a number": (BRIDGE + "[rig]\nmargin = nan", "rig.margin"),

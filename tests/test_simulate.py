@@ -22,7 +22,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.imaging.masks import read_masks
 from frametwin.mechanics.deformations import DEFORMATIONS, random_rigid_motion
 from frametwin.simulation.print_order import print_order, print_share
-from frametwin.simulation.simulate import SimulationSettings, simulate, write_simulation
+from frametwin.simulation.simulate import SimulationSettings, deform_print, simulate, write_simulation
 
 SMALL = SimulationSettings(views=3, size=(96, 128))
 
@@ -177,6 +177,16 @@ def test_missing_struts_are_not_the_soft_ones(bridge: Wireframe) -> None:
     soft = simulate_sag(bridge, SagSettings(seed=0)).unhardened
     lost = (simulate(bridge, small(missing=19)).present != [0.0, 1.0]).any(axis=1)
     assert 0 < (lost & soft).sum() < 19
+
+
+@pytest.mark.parametrize("deformation", DEFORMATIONS)
+def test_a_print_is_deformed_alike_without_its_pictures(bridge: Wireframe, deformation: str) -> None:
+    settings, stages = small(deformation=deformation, missing=3, printed=0.7, seed=2), []
+    alone, pictured = deform_print(bridge, settings, lambda p: stages.append(p.stage)), simulate(bridge, settings)
+    assert alone.peak == pictured.peak and "silhouettes" not in stages
+    np.testing.assert_array_equal(alone.truth.control_points, pictured.truth.control_points)
+    np.testing.assert_array_equal(alone.frame.printed, pictured.frame.printed)
+    np.testing.assert_array_equal(alone.present, pictured.present)
 
 
 def test_it_can_be_cancelled(bridge: Wireframe) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from frametwin.wording import enumerated, having, listed, shortened
+from frametwin.wording import enumerated, having, listed, parsed_size, shortened, size_text
 
 
 @pytest.mark.parametrize(
@@ -34,3 +34,10 @@ def test_struts_by_number() -> None:
     assert (listed(np.array([3, 4])), having(np.array([3, 4]))) == ("struts 3 and 4", "struts 3 and 4 have")
     assert listed(range(12)) == "struts 0, 1, 2, 3, 4, 5, 6, 7 and 4 others"
     assert having(range(4), most=2) == "struts 0, 1 and 2 others have"
+
+
+def test_sizes_are_written_with_the_width_first() -> None:
+    assert parsed_size("1600x1200") == parsed_size(" 1600×1200 ") == (1200, 1600)
+    assert size_text(1200, 1600) == "1600x1200"
+    for text in ("", "1600", "1600x", "0x10", "1600x1200x3", "1600.5x1200", "-1x5", "big", "123456x10"):
+        assert parsed_size(text) is None

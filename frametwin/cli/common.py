@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+from frametwin.wording import parsed_size
 
 if TYPE_CHECKING:
     from frametwin.geometry.wireframe import Wireframe
@@ -39,17 +40,29 @@ class Positive(click.ParamType):
 
 
 class Size(click.ParamType):
-    """Height and width of pictures, written 1200x1600."""
+    """Size of pictures, written 1600x1200 with the width first; becomes (height, width), as arrays have it."""
 
-    name = "HxW"
+    name = "WIDTHxHEIGHT"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
         if isinstance(value, tuple):
             return value
-        found = re.fullmatch(r"(\d{1,5})[x×X](\d{1,5})", str(value).strip())
-        if found is None:
-            self.fail(f"{value!r} is not height x width in pixels, such as 1200x1600", param, ctx)
-        return int(found[1]), int(found[2])
+        size = parsed_size(str(value))
+        if size is None:
+            self.fail(f"{value!r} is not width x height in pixels, such as 1600x1200", param, ctx)
+        return size
+
+
+def size_option(function: Function) -> Function:
+    """Add ``--size``."""
+    return click.option(
+        "--size",
+        type=Size(),
+        default="1600x1200",
+        show_default=True,
+        metavar="WIDTHxHEIGHT",
+        help="Of the pictures, in pixels.",
+    )(function)
 
 
 def json_option(function: Function) -> Function:

@@ -11,7 +11,6 @@ import click
 from frametwin import __version__
 from frametwin.cli.common import (
     FOLDER,
-    Size,
     json_option,
     load_frame,
     overwrite_option,
@@ -19,6 +18,7 @@ from frametwin.cli.common import (
     print_json,
     print_table,
     quiet_option,
+    size_option,
 )
 from frametwin.cli.display import Display
 from frametwin.cli.evaluate import describe_detection, error_rows
@@ -54,7 +54,7 @@ CONTENT = frozenset({MARK, "capture", "run", "views.png"})
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of all that is random.")
 @click.option("--views", type=click.IntRange(2, 100), default=8, show_default=True, help="Number of cameras.")
-@click.option("--size", type=Size(), default="1200x1600", show_default=True, help="Height x width of the pictures.")
+@size_option
 @click.option(
     "--missing", type=click.IntRange(0), default=0, show_default=True, help="Number of struts that broke off."
 )
@@ -221,7 +221,6 @@ def run_demo(
 
 def _rendered(simulation: Simulation, display: Display) -> tuple[Simulation, str]:
     """The simulation with masks by Blender, and Blender's name."""
-    import tempfile
     from dataclasses import replace
 
     import numpy as np
@@ -229,12 +228,13 @@ def _rendered(simulation: Simulation, display: Display) -> tuple[Simulation, str
     from frametwin.blender.rendering.client import render_in_child
     from frametwin.capture.image_files import decode_png
     from frametwin.capture.scene import Scene
+    from frametwin.scratch import scratch_folder
 
     thickness = np.repeat(simulation.truth.radius[:, None], 2, axis=1)
     scene = Scene(simulation.truth, simulation.present, thickness, simulation.cameras)
-    with tempfile.TemporaryDirectory(prefix="frametwin-") as folder:
-        rendered = render_in_child(scene, Path(folder), display)
-        images = [decode_png((Path(folder) / "images" / f"{c.name}.png").read_bytes()) for c in simulation.cameras]
+    with scratch_folder() as folder:
+        rendered = render_in_child(scene, folder, display)
+        images = [decode_png((folder / "images" / f"{c.name}.png").read_bytes()) for c in simulation.cameras]
     name = f"Blender {rendered['blender']} ({rendered['engine']})"
     return replace(simulation, images=images), name
 

@@ -13,7 +13,7 @@ from frametwin.cli.common import (
     print_facts,
     print_json,
 )
-from frametwin.wording import shortened
+from frametwin.wording import shortened, size_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,9 +42,9 @@ def command(source: str, as_json: bool) -> None:
     if is_run(path):
         data = _run(path)
     elif (path / "transforms.json").exists():
-        data = _capture(path)
+        data = {**_capture(path), **_unit(path)}
     else:
-        data = {"kind": "frame", **describe(load_frame(source))}
+        data = {"kind": "frame", **describe(load_frame(source)), **_unit(path)}
     if as_json:
         print_json(data)
     else:
@@ -85,6 +85,14 @@ def loose_struts(frame: Wireframe) -> list[int]:
     ]
 
 
+def _unit(path: Path) -> dict[str, str]:
+    """The unit of the file, where its lengths had to be converted."""
+    from frametwin.formats import foreign_unit
+
+    unit = foreign_unit(path)
+    return {} if unit is None else {"unit_of_the_file": unit}
+
+
 def _spread(values: np.ndarray) -> dict[str, float]:
     import numpy as np
 
@@ -100,7 +108,7 @@ def _capture(path: Path) -> dict[str, Any]:
     data = {
         "kind": "capture",
         "views": len(capture.views),
-        "sizes": [f"{height}x{width}" for height, width in sizes],
+        "sizes": [size_text(*size) for size in sizes],
         "backgrounds": sum(view.background is not None for view in capture.views),
         "distorted_views": sum(view.camera.has_distortion for view in capture.views),
         "truth": capture.truth is not None,
@@ -130,7 +138,7 @@ def _run(path: Path) -> dict[str, Any]:
     }
 
 
-_NAMES = {"made_by": "made by frametwin", "sizes": "picture sizes (height x width)", "batches": "print batches"}
+_NAMES = {"made_by": "made by frametwin", "sizes": "picture sizes (width x height)", "batches": "print batches"}
 _UNITS = {"extent": "mm", "seconds": "s"}
 
 
@@ -143,6 +151,8 @@ def _facts(data: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _text(key: str, value: Any) -> str:
+    if key == "unit_of_the_file":
+        return f"{value}, converted to mm"
     if key == "bounds":
         return ", ".join(
             f"{axis} {low:.4g} to {high:.4g}" for axis, low, high in zip("xyz", *value.tolist(), strict=True)

@@ -11,7 +11,6 @@ import click
 from frametwin.cli.common import (
     FOLDER,
     Positive,
-    Size,
     json_option,
     load_frame,
     overwrite_option,
@@ -19,6 +18,7 @@ from frametwin.cli.common import (
     print_json,
     print_table,
     quiet_option,
+    size_option,
 )
 from frametwin.cli.display import Display
 from frametwin.cli.print_common import NOZZLE, accept_option, loop_options, order_options, split_nozzle
@@ -45,7 +45,7 @@ PICTURE = "print.png"
     help="Who takes the pictures: the library's own exact silhouettes, or Blender (masks, or photos).",
 )
 @click.option("--views", type=click.IntRange(2, 1000), default=8, show_default=True, help="Number of cameras.")
-@click.option("--size", type=Size(), default="1200x1600", show_default=True, help="Height x width of the pictures.")
+@size_option
 @click.option("--sag", type=Positive(0.99), help="How far the print sags, as a share of its extent.  [default: usual]")
 @click.option("--fit", is_flag=True, help="Find twins also without adaptation, to look at.")
 @accept_option

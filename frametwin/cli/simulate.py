@@ -9,7 +9,6 @@ import click
 from frametwin.cli.common import (
     FOLDER,
     Positive,
-    Size,
     check_output_folder,
     json_option,
     load_frame,
@@ -17,6 +16,7 @@ from frametwin.cli.common import (
     print_facts,
     print_json,
     quiet_option,
+    size_option,
 )
 from frametwin.cli.display import Display
 from frametwin.wording import shortened
@@ -26,7 +26,7 @@ from frametwin.wording import shortened
 @click.argument("frame")
 @click.option("--out", type=FOLDER, required=True, metavar="CAPTURE", help="The capture folder to write.")
 @click.option("--views", type=click.IntRange(2, 1000), default=8, show_default=True, help="Number of cameras.")
-@click.option("--size", type=Size(), default="1200x1600", show_default=True, help="Height x width of the pictures.")
+@size_option
 @click.option(
     "--peak",
     type=Positive(),
@@ -85,7 +85,7 @@ def command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: bool, 
     Examples:
       frametwin simulate bridge --out out/bridge
       frametwin simulate femur.json --out out/femur --peak 15 --missing 3
-      frametwin simulate tower.json --out out/tower --printed 0.6 --views 10 --size 600x800
+      frametwin simulate tower.json --out out/tower --printed 0.6 --views 10 --size 800x600
     """
     check_output_folder(out, overwrite, "transforms.json")
     plan = load_frame(frame)
@@ -115,7 +115,7 @@ def command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: bool, 
         f"capture: {out}",
         [
             ("frame", f"{simulation.frame.name}, {struts.sum()} of {len(struts)} struts printed"),
-            ("views", f"{len(simulation.cameras)} of {height} x {width} pixels"),
+            ("views", f"{len(simulation.cameras)} of {width} x {height} pixels"),
             ("largest displacement", f"{simulation.peak:.4g} mm"),
             ("missing struts", shortened(missing)),
             ("next", f"frametwin fit {out} --out RUN"),

@@ -110,7 +110,6 @@ def deformed_print(
         peak_fraction=values.peak_fraction,
         hardening=Hardening(unhardened_fraction=values.unhardened),
         seed=values.seed,
-        engine=values.engine,
     )
     if values.kind == "none":
         truth = plan

@@ -99,8 +99,8 @@ class Deformation(Table):
     file, object : the .blend file, relative to the recipe, and the object in it, for ``blend``: its rest state is the
         plan, its evaluated state (modifiers, shape keys) the truth.
     timeline : first and last frame of the animation from which one is drawn, for ``blend``.
-    engine : who solves the equations of ``sag`` and ``tip-load``; see `frametwin.mechanics.sag`. The default agrees
-        with PyNite to about 1e-12 mm and takes a fraction of its time.
+    engine : who solves the equations of ``sag`` and ``tip-load``. There is one; recipes may still name it, and the
+        hashes of samples still count it.
     """
 
     kind: Literal["sag", "tip-load", "warp", "none", "blend"]
@@ -112,7 +112,7 @@ class Deformation(Table):
     file: str | None = None
     object: str | None = None
     timeline: tuple[int, int] | None = None
-    engine: Literal["auto", "pynite", "sparse"] = "sparse"
+    engine: Literal["sparse"] = "sparse"
 
     @model_validator(mode="after")
     def _blend_names_a_file(self) -> Deformation:
@@ -153,7 +153,7 @@ class Rig(Table):
     ----------
     kind : ``ring``, ``dome``, or ``file`` (the cameras of a transforms.json, such as those of a real rig).
     views : number of cameras; several numbers give several samples of the same print, one for each.
-    size : height and width of the pictures in pixels.
+    size : [height, width] of the pictures in pixels.
     elevation_deg : angles above the horizon; of a ring taken in turn, of a dome the lowest and highest.
     fov_deg : vertical field of view.
     margin : free share of the picture on each side.

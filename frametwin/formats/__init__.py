@@ -21,7 +21,7 @@ from frametwin.formats import assembly, frame_json, mesh, obj, rl3dp
 from frametwin.geometry.parametric import FRAMES, named_frame
 from frametwin.geometry.wireframe import Wireframe
 
-__all__ = ["find_frame", "read_frame", "write_frame"]
+__all__ = ["find_frame", "foreign_unit", "read_frame", "write_frame"]
 
 _OWN_FILES = {
     "frametwin-twin": "is a digital twin, not a frame",
@@ -86,6 +86,27 @@ def find_frame(name: str, folder: PathLike = "") -> Wireframe:
     """
     path = Path(folder, name)
     return named_frame(name) if name in FRAMES and not path.exists() else read_frame(path)
+
+
+def foreign_unit(path: PathLike) -> str | None:
+    """The unit of length that a file states in its own words, where it is not the millimetre.
+
+    `read_frame` converts such lengths.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or its unit is not known.
+    """
+    file = Path(path) / "frame.json" if Path(path).is_dir() else Path(path)
+    if file.suffix.lower() != ".json" or not file.is_file():
+        return None
+    data = parse_json(read_text(file), file)
+    if assembly.is_assembly(data):
+        scale = assembly.millimetres(data.get("unit"), str(file), "unit")
+    else:
+        scale = frame_json.UNITS[frame_json.unit_of(data, file)]
+    return None if scale == 1.0 else str(data["unit"])
 
 
 def _read_json(path: Path) -> Wireframe:

@@ -71,7 +71,7 @@ def parse(data: dict[str, Any], path: PathLike) -> Wireframe:
     """
     source = str(path)
     dialect = next(d for d in _DIALECTS if d.nodes in data or d.elements in data)
-    scale = _unit(data.get("unit"), source, "unit")
+    scale = millimetres(data.get("unit"), source, "unit")
     nodes = _objects(data, dialect.nodes, source)
     elements = _objects(data, dialect.elements, source)
     vertices = [_point(node, f"{dialect.nodes}[{i}].point", source) for i, node in enumerate(nodes)]
@@ -87,7 +87,7 @@ def parse(data: dict[str, Any], path: PathLike) -> Wireframe:
     )
 
 
-def _unit(unit: Any, source: str, field: str) -> float:
+def millimetres(unit: Any, source: str, field: str) -> float:
     """Millimetres in one unit."""
     if unit is None:
         raise InputError.at(source, field, "is missing", f'add "{field}": "millimeter" or "meter"')
@@ -210,4 +210,4 @@ def _radius(data: dict[str, Any], source: str) -> float | None:
     if not _is_number(area) or area <= 0:
         raise InputError.at(source, field, f"{area!r} is not an area", "give a number above 0, or remove it")
     length = unit.strip().removesuffix("2").removesuffix("^") if isinstance(unit, str) else unit
-    return math.sqrt(area / math.pi) * _unit(length, source, f"{field}_unit")
+    return math.sqrt(area / math.pi) * millimetres(length, source, f"{field}_unit")

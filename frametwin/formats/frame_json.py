@@ -1,4 +1,7 @@
-"""FrameTwin's own frame file, ``frame.json`` (format ``frametwin-frame``, version 1): lengths in mm, z up."""
+"""FrameTwin's own frame file, ``frame.json`` (format ``frametwin-frame``, version 1): z up, lengths in mm.
+
+A file may state another ``unit``; it is converted when it is read, and never written.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from frametwin.arrays import checked_array
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
 from frametwin.geometry.wireframe import Wireframe, straight_control_points
@@ -17,6 +21,10 @@ VERSION = 1
 
 _REQUIRED = ("vertices", "edges", "radius")
 _OPTIONAL = ("control_points", "printed", "grounded", "batch", "name")
+_LENGTHS = {"vertices": (None, 3), "control_points": (None, 4, 3), "radius": (None,)}
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+"""Millimetres in each of the units of length that a file may state."""
+
 _REMARKS = ("format", "version", "comment", "source", "license", "provenance")  # not interpreted
 
 
@@ -44,7 +52,7 @@ def parse(data: dict[str, Any], path: PathLike) -> Wireframe:
     for key in _REQUIRED:
         if data.get(key) is None:
             raise InputError.at(path, key, "is missing", f'add "{key}" to the file')
-    known = (*_REQUIRED, *_OPTIONAL, *_REMARKS)
+    known = (*_REQUIRED, *_OPTIONAL, "unit", *_REMARKS)
     for key, value in data.items():
         if key not in known:
             near = difflib.get_close_matches(key, known, 1)
@@ -54,7 +62,31 @@ def parse(data: dict[str, Any], path: PathLike) -> Wireframe:
             raise InputError.at(path, key, "is null", "give it a value, or remove it")
     name = data.get("name", _default_name(Path(path)))
     fields = {key: data[key] for key in (*_REQUIRED, *_OPTIONAL) if key in data and key != "name"}
-    return Wireframe.create(**fields, name=name, source=str(path))
+    return Wireframe.create(**_in_millimetres(fields, unit_of(data, path), path), name=name, source=str(path))
+
+
+def unit_of(data: dict[str, Any], path: PathLike) -> str:
+    """Unit of the lengths in a parsed file, one of `UNITS`.
+
+    Raises
+    ------
+    InputError
+        If it is another one.
+    """
+    unit = data.get("unit", "mm")
+    if not isinstance(unit, str) or unit not in UNITS:
+        raise InputError.at(path, "unit", f"{unit!r} is not known", "write 'mm', 'cm', 'm' or 'in'")
+    return unit
+
+
+def _in_millimetres(fields: dict[str, Any], unit: str, path: PathLike) -> dict[str, Any]:
+    if unit == "mm":
+        return fields  # bit by bit as they are
+    converted = dict(fields)
+    for key in _LENGTHS.keys() & fields.keys():
+        shape = _LENGTHS[key] if isinstance(fields[key], list) else ()
+        converted[key] = UNITS[unit] * checked_array(fields[key], "f", shape, str(path), key)
+    return converted
 
 
 def _default_name(path: Path) -> str:

@@ -11,7 +11,7 @@ from frametwin.geometry.displacement import largest_displacement
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.mechanics.hardening import strut_stiffness
-from frametwin.mechanics.sag import SAMPLES, SagSettings, sag, scaled_shape, solve
+from frametwin.mechanics.sag import SAMPLES, SagSettings, sag, scaled_shape
 from frametwin.mechanics.stiffness import FrameBeams, require_grounded
 from frametwin.progress import Progress, ProgressCallback, report
 
@@ -189,7 +189,7 @@ def tip_load(frame: Wireframe, settings: SagSettings | None = None, *, direction
     frame
         The plan; see `frametwin.mechanics.sag.sag` for what happens to unprinted struts.
     settings
-        Peak, softness of the struts (as in `sag` with the same seed), and engine.
+        Peak, and softness of the struts (as in `sag` with the same seed).
     direction_deg
         Direction of the push in the plane, counter-clockwise from x.
 
@@ -226,7 +226,7 @@ def tip_load(frame: Wireframe, settings: SagSettings | None = None, *, direction
     loads = np.zeros((frame.vertex_count, 6))
     angle = np.radians(direction_deg)
     loads[pushed, :2] = np.array([np.cos(angle), np.sin(angle)]) / pushed.sum()
-    return scaled_shape(beams, solve(beams, loads, engine=settings.engine), peak)
+    return scaled_shape(beams, beams.solve(loads), peak)
 
 
 def _fade(points: np.ndarray, ground: np.ndarray, reach: float) -> np.ndarray:

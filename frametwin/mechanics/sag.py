@@ -14,16 +14,9 @@ from frametwin.geometry.displacement import SAMPLES, largest_displacement
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.finite_rotation import RotatedShape
 from frametwin.mechanics.hardening import Hardening, strut_stiffness
-from frametwin.mechanics.pynite_engine import solve_with_pynite
 from frametwin.mechanics.stiffness import PLA, FrameBeams, Material, require_grounded
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.ranges import Seed, above, check_settings, one_of, within
-
-PYNITE_BEAMS = 5000
-"""Most beams that are left to PyNite unless it is asked for by name: a frame of 4,164 straight struts takes
-it 12 s; with curved struts, 16,656 beams, six minutes."""
-
-ENGINES = ("auto", "pynite", "sparse")
+from frametwin.ranges import Seed, above, check_settings, within
 
 
 @dataclass(frozen=True)
@@ -44,11 +37,6 @@ class SagSettings:
         Of the hardened struts. As the result is scaled to the peak, only ratios of stiffness matter.
     pieces
         Straight beams along a curved strut.
-    engine
-        Who solves the equations: ``"pynite"`` (PyNiteFEA), ``"sparse"`` (`frametwin.mechanics.stiffness`; the same to
-        about ten digits) or ``"auto"``, PyNite for up to 5,000 beams and the other above. PyNite welds
-        a strut to every joint that lies exactly on it; frames with such joints go to the other too;
-        so does, with ``"auto"``, everything where PyNite cannot be loaded.
 
     Raises
     ------
@@ -62,7 +50,6 @@ class SagSettings:
     seed: Seed = 0
     material: Material = PLA
     pieces: Annotated[int, within(1, 1000)] = 4
-    engine: Annotated[str, one_of(ENGINES)] = "auto"
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -151,39 +138,11 @@ def simulate_sag(
         pieces=settings.pieces,
     )
     report(progress, Progress("solving for the sag", 1, 3))
-    joints = solve(beams, engine=settings.engine)
+    joints = beams.solve()
     report(progress, Progress("bending struts", 2, 3))
     deformed = scaled_shape(beams, joints, peak)
     report(progress, Progress("bending struts", 3, 3))
     return Sag(deformed, stiffness, unhardened)
-
-
-def solve(beams: FrameBeams, joint_loads: np.ndarray | None = None, *, engine: str = "auto") -> np.ndarray:
-    """Displacements in mm and rotations in rad (V, 6) of the joints under weight and loads on the joints.
-
-    Parameters
-    ----------
-    beams
-        The struts.
-    joint_loads
-        (V, 6) forces in N and moments in N mm.
-    engine
-        See `SagSettings`.
-    """
-    if engine == "sparse" or (engine == "auto" and beams.beam_count > PYNITE_BEAMS):
-        return beams.solve(joint_loads)
-    try:
-        joints = solve_with_pynite(beams, joint_loads)
-    except ImportError as error:  # PyNite needs pip itself to be there when it runs
-        if engine == "pynite":
-            raise InputError.at(
-                "settings",
-                "engine",
-                f"PyNite cannot be loaded ({error})",
-                "install pip and PyNiteFEA, or take 'sparse'",
-            ) from error
-        joints = None
-    return beams.solve(joint_loads) if joints is None else joints
 
 
 def scaled_shape(beams: FrameBeams, joints: np.ndarray, peak: float) -> Wireframe:

@@ -147,11 +147,6 @@ class FrameBeams:
         """(E,) downward part of the loads in N/mm."""
         return -self.load[:, 2]
 
-    @property
-    def beam_count(self) -> int:
-        """Number of straight beams."""
-        return sum(len(g.struts) * (g.chains.points.shape[1] - 1) for g in self.groups)
-
     def stiffness(self) -> sparse.csc_matrix:
         """Stiffness of the joints, before any of them is held.
 

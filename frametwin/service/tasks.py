@@ -44,27 +44,26 @@ def simulate(
     frame's order, ``control_points`` (E, 4, 3) and ``vertices`` (V, 3) of the truth in mm, ``printed_struts`` (E,) and
     ``present`` (E, 2), the interval of the curve parameter at which each strut is there.
     """
-    from frametwin.simulation.simulate import SimulationSettings, write_simulation
+    from frametwin.simulation.simulate import SimulationSettings, deform_print, write_simulation
     from frametwin.simulation.simulate import simulate as take
 
     checked = SimulationSettings(**convert_fields(SimulationSettings, settings or {}, "settings"))
     plan = frame_of(frame)
-    if out is not None:
-        require_free(out, overwrite, "transforms.json")
-        simulation = take(plan, checked, progress)
-        write_simulation(out, simulation, overwrite)
-        plan, truth, present = simulation.frame, simulation.truth, simulation.present
+    if out is None:
+        made = deform_print(plan, checked, progress)
     else:
-        plan, truth, present = _deformed(plan, checked, progress)
+        require_free(out, overwrite, "transforms.json")
+        made = take(plan, checked, progress)
+        write_simulation(out, made, overwrite)
+    plan, truth, present = made.frame, made.truth, made.present
     printed = plan.printed
-    moved = truth.control_points[printed] - plan.control_points[printed]
     return {
         "out": out,
         "frame": plan.name,
         "struts": plan.strut_count,
         "printed": int(printed.sum()),
         "views": 0 if out is None else checked.views,
-        "largest_displacement": largest_displacement(moved),
+        "largest_displacement": made.peak,
         "missing": np.flatnonzero(printed & (present != [0.0, 1.0]).any(axis=1)).tolist(),
         "control_points": truth.control_points,
         "vertices": truth.vertices,
@@ -191,16 +190,3 @@ def frame_of(value: str | dict[str, Any]) -> Wireframe:
     if isinstance(value, dict):
         return frame_json.parse({"name": "frame", **value}, "frame of the request")
     return find_frame(value)
-
-
-def _deformed(
-    plan: Wireframe, settings: Any, progress: ProgressCallback | None
-) -> tuple[Wireframe, Wireframe, np.ndarray]:
-    """Plan, truth and (E, 2) presence of a simulation without its pictures."""
-    from dataclasses import replace
-
-    from frametwin.simulation.simulate import simulate as take
-
-    # Two thumbnails cost nothing, and what is deformed is the same.
-    simulation = take(plan, replace(settings, views=2, size=(8, 8), supersampling=1), progress)
-    return simulation.frame, simulation.truth, simulation.present

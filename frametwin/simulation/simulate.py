@@ -80,8 +80,8 @@ class SimulationSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation:
-    """A simulated capture in memory.
+class DeformedPrint:
+    """A print that is not where its plan says.
 
     Attributes
     ----------
@@ -89,10 +89,6 @@ class Simulation:
         The plan, with what has been printed.
     truth
         Where its struts really are.
-    cameras
-        Of the views.
-    images
-        (H, W) uint8 for each view, white where the print is.
     present
         (E, 2) interval of the curve parameter at which each strut of the truth is there.
     settings
@@ -101,8 +97,6 @@ class Simulation:
 
     frame: Wireframe
     truth: Wireframe
-    cameras: tuple[Camera, ...]
-    images: list[np.ndarray]
     present: np.ndarray
     settings: SimulationSettings
 
@@ -111,6 +105,53 @@ class Simulation:
         """Largest displacement of a printed strut in mm."""
         part = self.frame.printed
         return largest_displacement(self.truth.control_points[part] - self.frame.control_points[part])
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation(DeformedPrint):
+    """A simulated capture in memory.
+
+    Attributes
+    ----------
+    cameras
+        Of the views.
+    images
+        (H, W) uint8 for each view, white where the print is.
+    """
+
+    cameras: tuple[Camera, ...]
+    images: list[np.ndarray]
+
+
+def deform_print(
+    frame: Wireframe, settings: SimulationSettings | None = None, progress: ProgressCallback | None = None
+) -> DeformedPrint:
+    """Deform a frame, and let struts be missing; nothing is drawn.
+
+    Parameters
+    ----------
+    frame
+        The plan.
+    settings
+        See `SimulationSettings`; those of the pictures do not count.
+    progress
+        See `ProgressCallback`.
+
+    Raises
+    ------
+    InputError
+        If the frame does not stand on the ground, the peak is out of reach, or more struts shall be missing
+        than are printed.
+    Cancelled
+        If ``progress`` returns ``False``.
+    """
+    settings = SimulationSettings() if settings is None else settings
+    plan = frame if settings.printed is None else print_share(frame, settings.printed)
+    # A seed of its own: with the same one, the struts that are missing would be those that are soft.
+    defect_seed = int(np.random.SeedSequence(settings.seed).generate_state(1)[0])
+    present, _ = drop_struts(plan, settings.missing, defect_seed, share=settings.missing_share)
+    truth = deform(plan, settings.deformation, SagSettings(peak=settings.peak, seed=settings.seed), progress=progress)
+    return DeformedPrint(plan, truth, present, settings)
 
 
 def simulate(
@@ -132,20 +173,15 @@ def simulate(
     Raises
     ------
     InputError
-        If the frame does not stand on the ground, the peak is out of reach, or more struts shall be missing
-        than are printed.
+        As `deform_print`.
     Cancelled
         If ``progress`` returns ``False``.
     """
-    settings = SimulationSettings() if settings is None else settings
-    plan = frame if settings.printed is None else print_share(frame, settings.printed)
-    # A seed of its own: with the same one, the struts that are missing would be those that are soft.
-    defect_seed = int(np.random.SeedSequence(settings.seed).generate_state(1)[0])
-    present, _ = drop_struts(plan, settings.missing, defect_seed, share=settings.missing_share)
-    truth = deform(plan, settings.deformation, SagSettings(peak=settings.peak, seed=settings.seed), progress=progress)
-    cameras = RIGS[settings.rig](box_around(plan, truth), settings.views, size=settings.size)
-    images = silhouettes(truth, cameras, present=present, supersampling=settings.supersampling, progress=progress)
-    return Simulation(plan, truth, cameras, images, present, settings)
+    made = deform_print(frame, settings, progress)
+    settings, truth = made.settings, made.truth
+    cameras = RIGS[settings.rig](box_around(made.frame, truth), settings.views, size=settings.size)
+    images = silhouettes(truth, cameras, present=made.present, supersampling=settings.supersampling, progress=progress)
+    return Simulation(made.frame, truth, made.present, settings, cameras, images)
 
 
 def write_simulation(folder: PathLike, simulation: Simulation, overwrite: bool = False) -> None:

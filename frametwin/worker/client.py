@@ -20,16 +20,17 @@ import os
 import threading
 import weakref
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from frametwin.errors import FrameTwinError, InputError, error_from
 from frametwin.progress import Progress, ProgressCallback
+from frametwin.scratch import make_scratch, remove_scratch, scratch_environment
 from frametwin.worker.child import Child
 from frametwin.worker.event_queue import Event, EventQueue
 from frametwin.worker.handshake import check_versions, start_problem
 from frametwin.worker.interpreter import REMEDY, find_python, worker_environment
-from frametwin.worker.scratch import make_scratch, remove_scratch, scratch_environment
 
 __all__ = ["WorkerClient", "error_of", "find_python"]
 
@@ -81,7 +82,7 @@ class WorkerClient:
         self.versions: dict[str, Any] = {}
         self._cwd = cwd
         self._environment = worker_environment(self.python, package_root, environment)
-        self._scratch: str | None = None
+        self._scratch: Path | None = None  # where the worker and its libraries put down files; both ends remove it
         self._child: Child | None = None
         self._events = EventQueue()
         self._open: set[str] = set()  # ids of requests that are not answered yet

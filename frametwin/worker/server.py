@@ -17,9 +17,9 @@ from typing import Any
 from frametwin import __version__
 from frametwin.errors import Cancelled, FrameTwinError
 from frametwin.progress import Progress
+from frametwin.scratch import VARIABLE, hold_scratch, remove_scratch
 from frametwin.worker.job_table import JOBS, run_job
 from frametwin.worker.protocol import PROTOCOL, ProtocolError, decode, finite
-from frametwin.worker.scratch import leave
 from frametwin.worker.streams import EventWriter, TooLong, read_lines
 
 GRACE = 1.0
@@ -36,11 +36,19 @@ _FIELDS = {"id", "request", "parameters", "curves"}
 def main(requests: int, events: int) -> None:
     """Serve, then leave the process at once: whatever libraries want to do at exit can hang, and matters to nobody."""
     faulthandler.enable()  # a crash in compiled code leaves its last words
+    if VARIABLE in os.environ:
+        hold_scratch(os.environ[VARIABLE])  # it stays in use for a moment should the client be killed
     worker = Worker(requests, events)
     worker.catch_signals()
     worker.serve()
     sys.stderr.flush()
     leave(0)
+
+
+def leave(code: int) -> None:
+    """End this process at once, and its scratch folder with it; libraries may hang when they are left to end."""
+    remove_scratch(os.environ.get(VARIABLE))
+    os._exit(code)
 
 
 def versions() -> dict[str, Any]:

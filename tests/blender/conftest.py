@@ -6,7 +6,6 @@ import atexit
 import importlib.util
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,13 +14,14 @@ import numpy as np
 import pytest
 
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.scratch import make_scratch, remove_scratch
 
 REASON = "Blender is absent: install the bpy wheel (pip install bpy), 4.5 for Python 3.11 or 5.2 for 3.13"
 
 # Blender looks for it once, when it is loaded: a profile of the tests' own, in which they may install extensions.
 if "BLENDER_USER_RESOURCES" not in os.environ:
-    os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="frametwin-profile-")
-    atexit.register(shutil.rmtree, os.environ["BLENDER_USER_RESOURCES"], ignore_errors=True)
+    os.environ["BLENDER_USER_RESOURCES"] = str(make_scratch())
+    atexit.register(remove_scratch, os.environ["BLENDER_USER_RESOURCES"])
 
 
 class WithoutBlender(pytest.Module):

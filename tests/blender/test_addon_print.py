@@ -89,7 +89,7 @@ def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any
 
 
 def check_film(job: Path, folder: Path) -> None:
-    command = [sys.executable, str(SCRIPT), "--", str(job), "--out", str(folder / "film.mp4"), "--size", "180x320"]
+    command = [sys.executable, str(SCRIPT), "--", str(job), "--out", str(folder / "film.mp4"), "--size", "320x180"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
     assert (folder / "film.mp4").read_bytes()[4:8] == b"ftyp"

@@ -26,7 +26,7 @@ def run(*words: Any) -> subprocess.CompletedProcess[str]:
 
 def test_a_plan_becomes_a_file_with_its_twin(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    done = run("bridge", "--out", out, "--size", "300x400", "--views", "6")
+    done = run("bridge", "--out", out, "--size", "400x300", "--views", "6")
     assert done.returncode == 0, done.stderr
     picture = decode_png((out / "twin.png").read_bytes())
     assert picture.shape[:2] == (1200, 1600) and len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 100

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike, write_bytes
 from frametwin.printing.records.history import PrintHistory
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.scratch import scratch_folder
 
 FRAMES_A_SECOND = 24
 
@@ -101,16 +101,16 @@ def render_film(scene: bpy.types.Scene, path: PathLike, progress: ProgressCallba
         raise InputError.at(target, "file", "is no .mp4", "name it film.mp4, say")
     batches = (scene.frame_end - scene.frame_start + 1) // FRAMES_A_BATCH
     pictures = []
-    with tempfile.TemporaryDirectory(prefix="frametwin-") as scratch:
+    with scratch_folder() as scratch:
         for batch in range(batches):
             report(progress, Progress("rendering batches", batch, batches))
             scene.frame_set(scene.frame_start + batch * FRAMES_A_BATCH)
-            file = Path(scratch) / f"batch_{batch:03d}.png"
+            file = scratch / f"batch_{batch:03d}.png"
             scene.render.filepath = str(file)
             render(scene)
             pictures.append(file)
         report(progress, Progress("joining the film", 0, 1))
-        film = _joined(pictures, Path(scratch) / "film.mp4", scene)
+        film = _joined(pictures, scratch / "film.mp4", scene)
         written = [target, *(target.with_name(f"{target.stem}_{file.name}") for file in pictures)]
         for made, wanted in zip([film, *pictures], written, strict=True):
             write_bytes(wanted, made.read_bytes())

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import bpy
 
 from frametwin.blender.display.stage import Stage, clear_stage
@@ -15,6 +12,7 @@ from frametwin.blender.scene.units import mm_per_unit
 from frametwin.capture.image_files import strip_png
 from frametwin.errors import FrameTwinError
 from frametwin.files import PathLike, write_bytes
+from frametwin.scratch import scratch_folder
 
 
 def render_twin(shown: TwinObjects, path: PathLike, size: tuple[int, int] = (1200, 1600)) -> None:
@@ -40,8 +38,8 @@ def render_twin(shown: TwinObjects, path: PathLike, size: tuple[int, int] = (120
         scene.collection.objects.link(shown.twin)
         stage = Stage(scene, points / mm_per_unit(bpy.context.scene), size)
         stage.add_legend(shown.legend)
-        with tempfile.TemporaryDirectory(prefix="frametwin-") as scratch:
-            file = Path(scratch) / "twin.png"
+        with scratch_folder() as scratch:
+            file = scratch / "twin.png"
             scene.render.filepath = str(file)
             render(scene)
             write_bytes(path, strip_png(file.read_bytes(), file))

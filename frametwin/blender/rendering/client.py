@@ -6,7 +6,6 @@ Nothing of Blender is imported before a picture is wanted, so that the library m
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 from frametwin.capture.scene import Scene, read_scene, write_scene
 from frametwin.errors import InputError
 from frametwin.progress import ProgressCallback
+from frametwin.scratch import scratch_folder
 from frametwin.worker.client import WorkerClient
 
 
@@ -52,8 +52,8 @@ def render_in_child(scene: Scene, folder: Path, progress: ProgressCallback | Non
     Returns, raises
         As `render_here`.
     """
-    with tempfile.TemporaryDirectory(prefix="frametwin-") as temporary, WorkerClient(sys.executable) as worker:
-        file = Path(temporary) / "scene.json"
+    with scratch_folder() as scratch, WorkerClient(sys.executable) as worker:
+        file = scratch / "scene.json"
         write_scene(file, scene)
         return worker.call("render", {"scene": str(file), "folder": str(folder.absolute())}, progress)
 

@@ -11,6 +11,7 @@ import bpy
 
 from frametwin.capture.scene import WORKBENCH_WORKS
 from frametwin.errors import InputError
+from frametwin.scratch import scratch_environment, scratch_folder
 
 WORKBENCH, CYCLES = "BLENDER_WORKBENCH", "CYCLES"
 
@@ -18,20 +19,15 @@ PROBE_SECONDS = 120.0
 
 # The process ends at once: the bpy module may hang while Python shuts down.
 _PROBE = """
-import os, shutil, tempfile, bpy
+import os, tempfile, bpy
 scene = bpy.context.scene
 scene.render.engine = "BLENDER_WORKBENCH"
 scene.render.resolution_x = scene.render.resolution_y = 8
 scene.render.resolution_percentage = 100
 scene.camera = scene.camera or bpy.data.objects.new("probe", bpy.data.cameras.new("probe"))
-folder = tempfile.mkdtemp()
-scene.render.filepath = os.path.join(folder, "probe.png")
+scene.render.filepath = os.path.join(tempfile.gettempdir(), "probe.png")
 bpy.ops.render.render(write_still=True)
 good = os.path.isfile(scene.render.filepath)
-if good:
-    os.remove(scene.render.filepath)
-os.rmdir(folder)
-shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
 os._exit(0 if good else 1)
 """
 
@@ -79,14 +75,16 @@ def _probe() -> bool:
     else:
         command = [bpy.app.binary_path, "--background", "--factory-startup", "--python-expr", _PROBE]
     try:
-        done = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            timeout=PROBE_SECONDS,
-            check=False,
-        )
+        with scratch_folder() as scratch:
+            done = subprocess.run(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, **scratch_environment(scratch)},
+                timeout=PROBE_SECONDS,
+                check=False,
+            )
     except (OSError, subprocess.TimeoutExpired):
         return False
     return done.returncode == 0

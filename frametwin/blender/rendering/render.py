@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from time import perf_counter
 
@@ -14,6 +13,7 @@ from frametwin.blender.rendering.private_scene import private_scene
 from frametwin.blender.rendering.render_job import RenderJob, RenderReport, made_folder
 from frametwin.capture.scene import Scene
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.scratch import scratch_folder
 
 __all__ = ["RenderReport", "render_scene"]
 
@@ -50,9 +50,9 @@ def render_scene(scene: Scene, folder: str | Path, progress: ProgressCallback | 
         blender=versions.version(),
         views=len(scene.cameras),
     )
-    with private_scene(scene) as private, tempfile.TemporaryDirectory(prefix="frametwin-") as scratch:
+    with private_scene(scene) as private, scratch_folder() as scratch:
         rounds = (1 if scene.style == "mask" else 2) + scene.passes
-        job = RenderJob(private, Path(scratch), result, progress, total=len(scene.cameras) * rounds)
+        job = RenderJob(private, scratch, result, progress, total=len(scene.cameras) * rounds)
         if scene.style == "mask":
             render_masks(job, engine, made_folder(target / "images"))
         else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +23,7 @@ from frametwin.printing.simulation.outcome import BatchOutcome, PrintReport, Sta
 from frametwin.printing.simulation.simulated_pictures import Renderer, Rig
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.ranges import Seed, check_settings, one_of
+from frametwin.scratch import scratch_folder
 
 FORMAT = "frametwin-print-simulation"
 OUTCOME_FORMAT = "frametwin-print-outcome"
@@ -224,8 +224,8 @@ def _answer(
     if not (job.settings.adapt or options.fit):
         job.answer(None, answer, progress)
         return
-    with tempfile.TemporaryDirectory(prefix="frametwin-") as scratch:
-        capture = Path(scratch) / f"batch_{outcome.batch:03d}"
+    with scratch_folder() as scratch:
+        capture = scratch / f"batch_{outcome.batch:03d}"
         cameras = options.rig.cameras(job.design)
         try:
             seed = options.seed + outcome.batch

@@ -1,15 +1,11 @@
-"""The frame's beams solved by PyNiteFEA, an independent finite element package."""
+"""The frame's beams solved by PyNiteFEA, an independent finite element package: what ours is held against."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from Pynite import FEModel3D
 
 from frametwin.mechanics.stiffness import FrameBeams
-
-if TYPE_CHECKING:
-    from Pynite import FEModel3D
 
 
 def solve_with_pynite(beams: FrameBeams, joint_loads: np.ndarray | None = None) -> np.ndarray | None:
@@ -27,8 +23,6 @@ def solve_with_pynite(beams: FrameBeams, joint_loads: np.ndarray | None = None) 
     (V, 6), or ``None`` if PyNite changed the structure: it welds a beam to every node that happens to lie on
     it, while in a wireframe only the edges say what is connected.
     """
-    from Pynite import FEModel3D  # it loads matplotlib, which takes a second
-
     frame = beams.frame
     model = FEModel3D()
     used = frame.printed_vertices()
