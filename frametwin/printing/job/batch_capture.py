@@ -34,8 +34,8 @@ class BatchCapture:
         The copy; its frame is the job's plan, with what should be printed by now.
     hashes
         SHA-256 of every file that the twin is made from, by its name in the capture.
-    claimed
-        (E,) what the source's own ``frame.json`` says is printed, if it says so.
+    claimed : (E,) bool array, optional
+        What the source's own ``frame.json`` says is printed, if it says so.
     """
 
     source: Path
