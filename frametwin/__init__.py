@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from frametwin.formats import read_frame, write_frame
     from frametwin.geometry.parametric import named_frame
     from frametwin.geometry.wireframe import Wireframe
-    from frametwin.printing.job.job import Job as PrintJob
+    from frametwin.printing.job.job import PrintJob
     from frametwin.printing.job.plan_job import PlanOptions
     from frametwin.printing.simulation.simulate import SimulatedPrint
     from frametwin.progress import Progress
@@ -45,7 +45,7 @@ _HOMES = {
     "FrameTwinError": "frametwin.errors",
     "InputError": "frametwin.errors",
     "PlanOptions": "frametwin.printing.job.plan_job",
-    "PrintJob": "frametwin.printing.job.job:Job",
+    "PrintJob": "frametwin.printing.job.job",
     "Progress": "frametwin.progress",
     "Run": "frametwin.api.fits",
     "SimulatedPrint": "frametwin.printing.simulation.simulate",

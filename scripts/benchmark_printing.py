@@ -28,7 +28,7 @@ from frametwin.printing.job.plan_job import PlanOptions
 from frametwin.printing.records.sequence_file import write_sequence
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
 from frametwin.printing.simulation.simulate import SimulationOptions, simulate_print
-from frametwin.printing.simulation.simulated_pictures import Rig
+from frametwin.printing.simulation.simulated_pictures import SimulatedRig
 from frametwin.scratch import scratch_folder
 
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
@@ -65,7 +65,7 @@ def design_of(name: str) -> Wireframe:
 def run(frame: Wireframe, order: Path, way: str, seed: int, folder: Path) -> dict:
     """Print a frame once."""
     plan = PlanOptions(**WAYS[way], allow_contact=True, formats=("json",))
-    options = SimulationOptions(plan=plan, rig=Rig(size=(600, 800)), seed=seed)
+    options = SimulationOptions(plan=plan, rig=SimulatedRig(size=(600, 800)), seed=seed)
     return simulate_print(folder, frame, options, order=order).as_dict()
 
 

@@ -13,7 +13,7 @@ from frametwin.cameras import Camera
 from frametwin.cameras.rigs import ring_rig
 from frametwin.capture.capture import write_capture
 from frametwin.geometry.wireframe import Wireframe, straight_control_points
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.raster.silhouette import silhouettes
 
@@ -82,12 +82,12 @@ def take_with(folder: Path, real: Wireframe, cameras: tuple[Camera, ...], told: 
     return folder
 
 
-def small_job(folder: Path, design: Wireframe, batch_size: int = 8, **options: object) -> Job:
+def small_job(folder: Path, design: Wireframe, batch_size: int = 8, **options: object) -> PrintJob:
     """A job for a small frame."""
     return plan_job(folder, design, PlanOptions(batch_size=batch_size, allow_contact=True, **options))  # type: ignore[arg-type]
 
 
-def print_batch(job: Job, real: LeaningPrint) -> Wireframe:
+def print_batch(job: PrintJob, real: LeaningPrint) -> Wireframe:
     """Let the robot print the job's current batch."""
     batch = job.current
     assert batch is not None

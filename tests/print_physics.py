@@ -93,4 +93,4 @@ def print_with_right_twins(
         plan = adapt(asked, twin, field)
         seen.append(Observation.of(batch, asked, twin, struts=len(laying)))
         if forecast is not None:
-            plan = compensate(plan, printing.design, forecast.to_come(seen, batch + 1))
+            plan = compensate(plan, printing.design, forecast.remaining_drift(seen, batch + 1))

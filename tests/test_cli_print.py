@@ -20,7 +20,7 @@ from frametwin.errors import Held
 from frametwin.files import read_json
 from frametwin.formats import frame_json
 from frametwin.printing.job.answer import ACCEPTABLE
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.toolpath.robot_files import FORMATS
 from frametwin.worker.client import WorkerClient
 
@@ -71,7 +71,7 @@ def test_a_print_by_hand(frame: Path, tmp_path: Path) -> None:
     assert planned["struts"] == 24 and planned["batches"] == len(planned["batch_sizes"]) == 3
     real = LeaningPrint(tower())
     for batch in range(3):
-        capture = real.take(tmp_path / f"capture{batch}", print_batch(Job(job), real))
+        capture = real.take(tmp_path / f"capture{batch}", print_batch(PrintJob(job), real))
         answered = json.loads(done("print", "next", job, "--capture", capture, "--json", "--quiet").stdout)
         assert answered["batch"] == batch and answered["finished"] == (batch == 2)
         assert answered["twin"]["start"] == "warm" and answered["seconds"]["total"] > 0.0
@@ -91,7 +91,7 @@ def test_people_are_told_what_to_do(frame: Path, tmp_path: Path) -> None:
         assert words in text, words
     assert f"frametwin print next {job} --capture CAPTURE" in done("print", "status", job).stdout
     real = LeaningPrint(tower())
-    capture = real.take(tmp_path / "capture", print_batch(Job(job), real))
+    capture = real.take(tmp_path / "capture", print_batch(PrintJob(job), real))
     text = done("print", "next", job, "--capture", capture, "--quiet").stdout
     for words in ("batch 0 of", "stand", "warm start", "batch 1,"):
         assert words in text, words
@@ -151,7 +151,7 @@ def test_bad_input_is_refused_in_a_sentence(frame: Path, tmp_path: Path) -> None
 def test_a_held_job_says_how_to_go_on(frame: Path, tmp_path: Path) -> None:
     job, real = tmp_path / "job", LeaningPrint(tower())
     plan(frame, job)
-    capture = real.take(tmp_path / "0", print_batch(Job(job), real))
+    capture = real.take(tmp_path / "0", print_batch(PrintJob(job), real))
     done("print", "next", job, "--capture", capture, "--quiet")
     before = fingerprint(job)
     sentence = refused("print", "next", job, "--capture", capture, "--quiet", code=3)
@@ -187,7 +187,7 @@ def test_the_watch_ends_with_the_print(frame: Path, tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT) as process:
         for batch in range(3):
             wait_for(lambda batch=batch: (job / "batches" / f"{batch:03d}" / "plan.json").is_file())
-            real.take(captures / f"{batch:03d}", print_batch(Job(job), real))
+            real.take(captures / f"{batch:03d}", print_batch(PrintJob(job), real))
         out, said = process.communicate(timeout=60)
     assert process.returncode == 0, said
     assert [item["batch"] for item in json.loads(out)["answered"]] == [0, 1, 2]

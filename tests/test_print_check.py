@@ -16,7 +16,7 @@ from small_frames import tower
 
 from frametwin.errors import Cancelled, InputError
 from frametwin.printing.job.check import check_job
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.toolpath.exports import SUFFIXES
@@ -28,17 +28,17 @@ BASE = ((0.0, -1.0, 0.0, 500.0), (1.0, 0.0, 0.0, -120.0), (0.0, 0.0, 1.0, 40.0),
 
 
 @pytest.fixture
-def job(tmp_path: Path) -> Job:
+def job(tmp_path: Path) -> PrintJob:
     """A tower, turned and shifted before the robot, in every format."""
     options = PlanOptions(batch_size=8, formats=tuple(SUFFIXES), base=BASE, ur10e_tool=150.0)
     return plan_job(tmp_path / "job", tower(), options)
 
 
-def waypoints(job: Job) -> Path:
+def waypoints(job: PrintJob) -> Path:
     return job.batch_folder(0) / "waypoints" / waypoint_file(0, "json")
 
 
-def change(job: Job, edit: Callable[[dict[str, Any]], None]) -> None:
+def change(job: PrintJob, edit: Callable[[dict[str, Any]], None]) -> None:
     """Edit the first batch's waypoints by hand."""
     path = waypoints(job)
     data = json.loads(path.read_text())
@@ -54,7 +54,7 @@ def printed_rows(data: dict[str, Any], place: int) -> tuple[int, int]:
     return rows[0], rows[-1]
 
 
-def test_a_sound_job_passes_and_is_left_alone(job: Job) -> None:
+def test_a_sound_job_passes_and_is_left_alone(job: PrintJob) -> None:
     before = fingerprint(job.folder)
     found = check_job(job)
     assert found.fine and found.batches == (0,)
@@ -63,7 +63,7 @@ def test_a_sound_job_passes_and_is_left_alone(job: Job) -> None:
     assert fingerprint(job.folder) == before
 
 
-def test_every_format_tells_the_same_way(job: Job) -> None:
+def test_every_format_tells_the_same_way(job: PrintJob) -> None:
     paths = [
         read_tool_path(waypoints(job).parent / waypoint_file(0, name), name, job.settings.robot.workspace)
         for name in SUFFIXES
@@ -77,7 +77,7 @@ def test_every_format_tells_the_same_way(job: Job) -> None:
         np.testing.assert_allclose(np.linalg.det(path.rotation), 1.0)
 
 
-def test_poses_between_waypoints_are_close_and_end_on_them(job: Job) -> None:
+def test_poses_between_waypoints_are_close_and_end_on_them(job: PrintJob) -> None:
     path = read_tool_path(waypoints(job), "json", job.settings.robot.workspace)
     last = len(path.position) - 1
     tip, axis = path.poses(0, last, 0.4)
@@ -105,7 +105,7 @@ def test_an_answered_job_passes_at_every_batch(tmp_path: Path) -> None:
 # --- planted faults
 
 
-def test_a_waypoint_outside_of_the_workspace_or_too_fast_is_named(job: Job) -> None:
+def test_a_waypoint_outside_of_the_workspace_or_too_fast_is_named(job: PrintJob) -> None:
     def edit(data: dict[str, Any]) -> None:
         data["position"][0][2] = 2000.0
         data["speed"][2] = 900.0
@@ -120,7 +120,7 @@ def test_a_waypoint_outside_of_the_workspace_or_too_fast_is_named(job: Job) -> N
     assert any("waypoint 3 has no speed" in line for line in said)
 
 
-def test_a_tool_that_leans_too_far_is_named(job: Job) -> None:
+def test_a_tool_that_leans_too_far_is_named(job: PrintJob) -> None:
     def edit(data: dict[str, Any]) -> None:
         lean = Rotation.from_euler("y", 70.0, degrees=True).as_matrix() @ np.diag([1.0, -1.0, -1.0])
         data["rotation"][0] = lean.tolist()
@@ -130,7 +130,7 @@ def test_a_tool_that_leans_too_far_is_named(job: Job) -> None:
     assert "leans 10 degrees too far at waypoint 0" in str(tilt)
 
 
-def test_a_strut_that_is_laid_beside_its_joint_is_named(job: Job) -> None:
+def test_a_strut_that_is_laid_beside_its_joint_is_named(job: PrintJob) -> None:
     strut = int(job.sequence.struts[3])
 
     def edit(data: dict[str, Any]) -> None:
@@ -144,7 +144,7 @@ def test_a_strut_that_is_laid_beside_its_joint_is_named(job: Job) -> None:
     assert "path" in said
 
 
-def test_a_strut_that_is_not_laid_is_missed(job: Job) -> None:
+def test_a_strut_that_is_not_laid_is_missed(job: PrintJob) -> None:
     def edit(data: dict[str, Any]) -> None:
         first, last = printed_rows(data, 5)
         data["extrude"][first : last + 1] = [False] * (last + 1 - first)
@@ -154,7 +154,7 @@ def test_a_strut_that_is_not_laid_is_missed(job: Job) -> None:
     assert "batch 0: its waypoints lay 7 struts where the batch has 8" in said
 
 
-def test_a_way_through_the_print_is_a_collision_and_one_through_the_plate_too(job: Job) -> None:
+def test_a_way_through_the_print_is_a_collision_and_one_through_the_plate_too(job: PrintJob) -> None:
     """The tool crosses the print at half the height of a strut that stands, and dips below the plate beside it."""
     first = int(job.sequence.struts[0])
     middle = job.design.control_points[first].mean(axis=0)
@@ -170,7 +170,7 @@ def test_a_way_through_the_print_is_a_collision_and_one_through_the_plate_too(jo
     assert any(fault.kind == "plate" and fault.depth > 25.0 for fault in faults)
 
 
-def test_files_that_contradict_each_other_are_named(job: Job) -> None:
+def test_files_that_contradict_each_other_are_named(job: PrintJob) -> None:
     path = waypoints(job).parent / waypoint_file(0, "gcode")
     text = path.read_text()
     move = next(line for line in text.splitlines() if line.startswith("G1"))
@@ -186,7 +186,7 @@ def test_an_order_that_cannot_be_printed_is_found(tmp_path: Path) -> None:
     good = plan_job(tmp_path / "good", tower(), PlanOptions(batch_size=8, allow_contact=True))
     sequence = good.sequence
     turned = PrintSequence(sequence.struts[::-1], sequence.start[::-1], sequence.axis[::-1], sequence.batch)
-    job = Job.create(tmp_path / "bad", good.design, turned, good.settings)
+    job = PrintJob.create(tmp_path / "bad", good.design, turned, good.settings)
     faults = check_job(job).faults
     assert {"in the air", "collision"} <= {fault.kind for fault in faults if fault.batch is None}
     first = int(turned.struts[0])
@@ -204,7 +204,7 @@ def test_contacts_that_were_allowed_are_those_that_are_found(tmp_path: Path) -> 
 # --- the command
 
 
-def test_the_command_tells_by_its_exit_code(job: Job, tmp_path: Path) -> None:
+def test_the_command_tells_by_its_exit_code(job: PrintJob, tmp_path: Path) -> None:
     text = done("print", "check", job.folder, "--quiet").stdout
     assert text.startswith(f"All is well with {job.folder}: the order and the ")
     data = json.loads(done("print", "check", job.folder, "--json", "--quiet").stdout)
@@ -221,7 +221,7 @@ def test_the_command_tells_by_its_exit_code(job: Job, tmp_path: Path) -> None:
     assert waypoint_file(0, "json") in refused("print", "check", job.folder, "--quiet")
 
 
-def test_a_check_can_be_cancelled(job: Job) -> None:
+def test_a_check_can_be_cancelled(job: PrintJob) -> None:
     stages = []
 
     def stop_at_the_waypoints(progress: Progress) -> bool:

@@ -38,27 +38,27 @@ def seen(forecast: SagForecast, factors: np.ndarray, batches: int, noise: float,
 
 def test_factors_are_found_again(forecast: SagForecast) -> None:
     factors = np.array([0.05, -0.08, 1.3])
-    say, found = forecast.explain(seen(forecast, factors, 8, noise=0.02))
+    say, found = forecast.fit(seen(forecast, factors, 8, noise=0.02))
     assert say[BELIEF] > 0.9 and say.sum() == pytest.approx(1.0)
     np.testing.assert_allclose(found[BELIEF], factors, atol=0.03)
 
 
 def test_noise_is_not_taken_for_sag(forecast: SagForecast) -> None:
     for seed in range(5):
-        _, early = forecast.explain(seen(forecast, np.zeros(3), 1, noise=0.1, seed=seed))
-        later = forecast.to_come(seen(forecast, np.zeros(3), 6, noise=0.1, seed=seed), 6)
+        _, early = forecast.fit(seen(forecast, np.zeros(3), 1, noise=0.1, seed=seed))
+        later = forecast.remaining_drift(seen(forecast, np.zeros(3), 6, noise=0.1, seed=seed), 6)
         np.testing.assert_array_equal(early, 0.0)
         assert np.linalg.norm(later, axis=1).max() < 1.0
-    np.testing.assert_array_equal(forecast.to_come([], 0), 0.0)
+    np.testing.assert_array_equal(forecast.remaining_drift([], 0), 0.0)
 
 
 def test_what_is_to_come_is_the_rest_of_the_whole(bridge: Wireframe, forecast: SagForecast) -> None:
     observed = seen(forecast, np.array([0.0, 0.0, 1.0]), 5, noise=1e-3)
-    factors = forecast.explain(observed)[1][BELIEF]
+    factors = forecast.fit(observed)[1][BELIEF]
     assert factors[2] == pytest.approx(1.0, rel=0.03)
     whole = linear_drift(bridge, lowest_first(bridge, BATCHES), BELIEFS[BELIEF], PULLS) @ [0.0, 0.0, 1.0]
     rest = whole[5:].sum(axis=0)
-    np.testing.assert_allclose(forecast.to_come(observed, 5), rest, atol=0.03 * np.abs(rest).max())
+    np.testing.assert_allclose(forecast.remaining_drift(observed, 5), rest, atol=0.03 * np.abs(rest).max())
     assert rest[:, 2].min() < -0.5 and np.abs(whole[:, bridge.grounded]).max() == 0.0
 
 
@@ -103,4 +103,4 @@ def test_a_compensated_print_is_nearer_to_the_design(bridge: Wireframe, forecast
 def test_batches_of_another_print_are_refused(forecast: SagForecast) -> None:
     none = np.zeros(forecast.design.vertex_count, dtype=bool)
     with pytest.raises(InputError, match="batch"):
-        forecast.explain([Observation(BATCHES, np.zeros(forecast.design.vertices.shape), none)])
+        forecast.fit([Observation(BATCHES, np.zeros(forecast.design.vertices.shape), none)])

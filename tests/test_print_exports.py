@@ -16,7 +16,7 @@ from small_frames import tower
 
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
 from frametwin.printing.toolpath.exports import SUFFIXES, read_waypoints, write_waypoints
@@ -251,7 +251,7 @@ def test_what_the_arm_cannot_reach_is_not_written(tmp_path: Path) -> None:
     near = tuple(map(tuple, np.eye(4) + 600.0 * np.eye(4, k=3)))
     job = plan_job(tmp_path / "near", tower(), PlanOptions(base=near, **options))
     assert job.waypoint_summary(0)["reach"] in ("built-in", "compas_fab")
-    assert Job(job.folder).settings.robot.ur10e_tool == 150.0
+    assert PrintJob(job.folder).settings.robot.ur10e_tool == 150.0
     far = tuple(map(tuple, np.eye(4) + 1800.0 * np.eye(4, k=3)))
     with pytest.raises(InputError, match=r"batch 0: waypoint \d+ \(.*strut \d+\): is out of a UR10e's reach"):
         plan_job(tmp_path / "far", tower(), PlanOptions(base=far, **options))

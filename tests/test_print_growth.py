@@ -14,7 +14,7 @@ from frametwin.errors import InputError
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.finite_rotation import rotation_matrices
-from frametwin.printing.process.material import Chance, PrintSettings
+from frametwin.printing.process.material import PrintSettings, ProcessVariation
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.simulation.growth import GrowingPrint
 from frametwin.printing.simulation.outcome import mean_deviation
@@ -226,7 +226,7 @@ def test_bad_settings_and_plans_are_refused() -> None:
         with pytest.raises(InputError, match=next(iter(wrong))):
             PrintSettings(**wrong)
     with pytest.raises(InputError, match="seed"):
-        Chance.draw(3, PrintSettings(), -1)
+        ProcessVariation.draw(3, PrintSettings(), -1)
     printing = GrowingPrint(frame, lowest_first(frame, 2))
     with pytest.raises(InputError, match="edges"):
         printing.lay(0, tower(3))

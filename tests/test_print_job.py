@@ -26,7 +26,7 @@ from frametwin.printing.job import answer as answer_module
 from frametwin.printing.job import job as job_module
 from frametwin.printing.job import plan_job as plan_module
 from frametwin.printing.job.answer import AnswerOptions
-from frametwin.printing.job.job import Busy, Job
+from frametwin.printing.job.job import JobBusy, PrintJob
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.reachability import OrderSettings
@@ -41,7 +41,7 @@ def design() -> Wireframe:
 
 
 @pytest.fixture
-def job(tmp_path: Path, design: Wireframe) -> Job:
+def job(tmp_path: Path, design: Wireframe) -> PrintJob:
     return small_job(tmp_path / "job", design, formats=("json",))
 
 
@@ -50,7 +50,7 @@ def real(design: Wireframe) -> LeaningPrint:
     return LeaningPrint(design)
 
 
-def advance(job: Job, real: LeaningPrint, folder: Path, batches: int) -> None:
+def advance(job: PrintJob, real: LeaningPrint, folder: Path, batches: int) -> None:
     for _ in range(batches):
         batch = job.current
         job.answer(real.take(folder / f"{batch:03d}", print_batch(job, real)))
@@ -104,7 +104,7 @@ def test_a_job_is_printed_by_hand_to_the_end(tmp_path: Path) -> None:
         job.answer(tmp_path / "capture_0")
 
 
-def assert_starts_are_met(job: Job, batch: int, real: LeaningPrint) -> None:
+def assert_starts_are_met(job: PrintJob, batch: int, real: LeaningPrint) -> None:
     """The robot is told to begin where the print really is."""
     held = real.standing().printed_vertices()
     for start, position in starts(job, batch):
@@ -112,7 +112,7 @@ def assert_starts_are_met(job: Job, batch: int, real: LeaningPrint) -> None:
             assert np.linalg.norm(position - real.vertices[start]) < 0.6
 
 
-def starts(job: Job, batch: int) -> list[tuple[int, np.ndarray]]:
+def starts(job: PrintJob, batch: int) -> list[tuple[int, np.ndarray]]:
     """The joint at which the robot is told to begin each strut of a batch, and where."""
     waypoints = read_waypoints(job.batch_folder(batch) / "waypoints" / f"batch_{batch:03d}.json")
     part = job.expectation(batch).sequence.in_batch(batch)
@@ -135,14 +135,14 @@ def test_a_print_that_leans_on_is_met_where_it_will_be(tmp_path: Path) -> None:
         if held[start]
     ]
     assert len(ahead) and max(ahead) < 0.6 < max(gaps)
-    killed = Job(job.folder)
+    killed = PrintJob(job.folder)
     folder, before = job.batch_folder(2), fingerprint(job.batch_folder(2))
     shutil.rmtree(folder)  # as if the process had been killed before the batch was in its place
-    killed.settle()
+    killed.recover()
     assert fingerprint(folder) == before
 
 
-def test_every_file_of_a_batch_is_there_and_readable(job: Job, real: LeaningPrint, tmp_path: Path) -> None:
+def test_every_file_of_a_batch_is_there_and_readable(job: PrintJob, real: LeaningPrint, tmp_path: Path) -> None:
     advance(job, real, tmp_path, 1)
     first, second = job.batch_folder(0), job.batch_folder(1)
     assert {path.name for path in first.iterdir()} == {
@@ -171,7 +171,7 @@ def test_compensation_aims_what_is_to_come_above_where_it_sinks(tmp_path: Path) 
 
 
 @pytest.fixture
-def second(job: Job, real: LeaningPrint, tmp_path: Path) -> Callable[..., str]:
+def second(job: PrintJob, real: LeaningPrint, tmp_path: Path) -> Callable[..., str]:
     """Refuse a capture for batch 1; the sentence."""
     advance(job, real, tmp_path, 1)
 
@@ -201,7 +201,7 @@ def test_new_pictures_of_the_state_before_are_refused(
 
 
 def test_pictures_of_a_later_batch_are_refused(
-    second: Callable[..., str], job: Job, real: LeaningPrint, tmp_path: Path
+    second: Callable[..., str], job: PrintJob, real: LeaningPrint, tmp_path: Path
 ) -> None:
     print_batch(job, real)
     real.lay(job.sequence.in_batch(2).struts, job.plan(1))
@@ -210,7 +210,7 @@ def test_pictures_of_a_later_batch_are_refused(
 
 
 def test_a_frame_that_tells_of_another_batch_is_refused(
-    second: Callable[..., str], job: Job, real: LeaningPrint, tmp_path: Path
+    second: Callable[..., str], job: PrintJob, real: LeaningPrint, tmp_path: Path
 ) -> None:
     capture = real.take(tmp_path / "capture", print_batch(job, real))
     frame_json.write(capture / "frame.json", job.plan(1))
@@ -220,7 +220,7 @@ def test_a_frame_that_tells_of_another_batch_is_refused(
 
 
 def test_a_camera_that_stands_still_is_found(
-    second: Callable[..., str], job: Job, real: LeaningPrint, tmp_path: Path
+    second: Callable[..., str], job: PrintJob, real: LeaningPrint, tmp_path: Path
 ) -> None:
     capture = real.take(tmp_path / "capture", print_batch(job, real))
     shutil.copy(tmp_path / "000" / "images" / "camera_02.png", capture / "images" / "camera_02.png")
@@ -228,7 +228,7 @@ def test_a_camera_that_stands_still_is_found(
 
 
 def test_cameras_that_were_moved_are_noticed(
-    second: Callable[..., str], job: Job, real: LeaningPrint, tmp_path: Path
+    second: Callable[..., str], job: PrintJob, real: LeaningPrint, tmp_path: Path
 ) -> None:
     standing = print_batch(job, real)
     told = cameras_of(real.design)
@@ -241,7 +241,7 @@ def test_cameras_that_were_moved_are_noticed(
 
 @pytest.mark.parametrize("damage", ["cut", "missing", "black"])
 def test_damaged_pictures_are_refused(
-    second: Callable[..., str], job: Job, real: LeaningPrint, tmp_path: Path, damage: str
+    second: Callable[..., str], job: PrintJob, real: LeaningPrint, tmp_path: Path, damage: str
 ) -> None:
     capture = real.take(tmp_path / "capture", print_batch(job, real))
     picture = capture / "images" / "camera_01.png"
@@ -261,21 +261,21 @@ def test_unknown_doubts_cannot_be_accepted() -> None:
         AnswerOptions(accept=frozenset({"everything"}))
 
 
-def test_a_changed_design_is_refused(job: Job, design: Wireframe) -> None:
+def test_a_changed_design_is_refused(job: PrintJob, design: Wireframe) -> None:
     frame_json.write(job.folder / "design.json", design.replace(radius=design.radius * 2.0))
     with pytest.raises(InputError, match="is not the one that the job was planned with"):
-        Job(job.folder)
+        PrintJob(job.folder)
 
 
-def test_folders_that_are_no_jobs_are_refused(tmp_path: Path, job: Job) -> None:
+def test_folders_that_are_no_jobs_are_refused(tmp_path: Path, job: PrintJob) -> None:
     with pytest.raises(InputError, match="there is no such folder"):
-        Job(tmp_path / "nowhere")
+        PrintJob(tmp_path / "nowhere")
     with pytest.raises(InputError, match="is no print job"):
-        Job(tmp_path)
+        PrintJob(tmp_path)
     data = read_json(job.folder / "job.json")
     (job.folder / "job.json").write_text(json.dumps({**data, "version": 2}))
     with pytest.raises(InputError, match="2 is not known"):
-        Job(job.folder)
+        PrintJob(job.folder)
 
 
 def test_nothing_outside_of_the_workspace_is_written(tmp_path: Path, design: Wireframe) -> None:
@@ -287,7 +287,7 @@ def test_nothing_outside_of_the_workspace_is_written(tmp_path: Path, design: Wir
 # --- lost struts
 
 
-def lost_strut(job: Job, batch: int) -> int | None:
+def lost_strut(job: PrintJob, batch: int) -> int | None:
     """A strut of the batch without which struts of later ones, and of those alone, would start in the air."""
     sequence, edges = job.sequence, job.design.edges
     for lost in sequence.in_batch(batch).struts:
@@ -303,13 +303,13 @@ def lost_strut(job: Job, batch: int) -> int | None:
 
 
 @pytest.fixture
-def cantilevers(tmp_path: Path) -> tuple[Job, LeaningPrint]:
+def cantilevers(tmp_path: Path) -> tuple[PrintJob, LeaningPrint]:
     """A job in small batches, of which one ends with a strut that alone holds what comes next."""
     job = small_job(tmp_path / "job", tower(), batch_size=2, formats=("json",))
     return job, LeaningPrint(job.design)
 
 
-def until_lost(job: Job, real: LeaningPrint, folder: Path) -> tuple[int, Path]:
+def until_lost(job: PrintJob, real: LeaningPrint, folder: Path) -> tuple[int, Path]:
     """Print until a strut is lost where others start: the strut and the pictures."""
     while (batch := job.current) is not None:
         standing, strut = print_batch(job, real), lost_strut(job, batch)
@@ -321,7 +321,7 @@ def until_lost(job: Job, real: LeaningPrint, folder: Path) -> tuple[int, Path]:
 
 
 def test_a_strut_that_is_lost_where_others_start_holds_the_job(
-    cantilevers: tuple[Job, LeaningPrint], tmp_path: Path
+    cantilevers: tuple[PrintJob, LeaningPrint], tmp_path: Path
 ) -> None:
     job, real = cantilevers
     strut, capture = until_lost(job, real, tmp_path)
@@ -334,7 +334,7 @@ def test_a_strut_that_is_lost_where_others_start_holds_the_job(
     assert report["lost"] == [strut] and report["accepted"][0]["kind"] == "lost-struts"
 
 
-def test_a_lost_strut_is_laid_again(cantilevers: tuple[Job, LeaningPrint], tmp_path: Path) -> None:
+def test_a_lost_strut_is_laid_again(cantilevers: tuple[PrintJob, LeaningPrint], tmp_path: Path) -> None:
     job, real = cantilevers
     strut, capture = until_lost(job, real, tmp_path)
     batch = job.current
@@ -343,7 +343,7 @@ def test_a_lost_strut_is_laid_again(cantilevers: tuple[Job, LeaningPrint], tmp_p
     assert job.sequence.in_batch(batch + 1).struts[0] == strut
     summary = job.waypoint_summary(batch + 1)
     assert summary["struts"][0] == strut
-    advance(Job(job.folder), real, tmp_path, 1)
+    advance(PrintJob(job.folder), real, tmp_path, 1)
     assert job.adapted(batch + 1).printed[strut] and job.report(batch + 1)["lost"] == []
     assert len(np.unique(job.sequence.struts)) == job.design.strut_count
 
@@ -388,17 +388,17 @@ PLACES = [
 
 @pytest.mark.parametrize(("place", "count"), PLACES)
 def test_a_killed_answer_goes_on(
-    job: Job, real: LeaningPrint, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, count: int
+    job: PrintJob, real: LeaningPrint, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, count: int
 ) -> None:
     capture = real.take(tmp_path / "000", print_batch(job, real))
     with monkeypatch.context() as patch:
         kill_at(patch, place, count)
         with pytest.raises(Killed):
             job.answer(capture)
-    again = Job(job.folder)
+    again = PrintJob(job.folder)
     done = again.is_answered(0)
     assert done == (place == "rename")  # the report is what makes the batch an answered one
-    again.settle()
+    again.recover()
     assert not list((job.folder / "batches").glob(".*"))
     if not done:
         again.answer(capture)
@@ -409,19 +409,19 @@ def test_a_killed_answer_goes_on(
         again.answer(capture)
 
 
-def test_a_process_that_is_killed_leaves_a_job_that_goes_on(job: Job, real: LeaningPrint, tmp_path: Path) -> None:
+def test_a_process_that_is_killed_leaves_a_job_that_goes_on(job: PrintJob, real: LeaningPrint, tmp_path: Path) -> None:
     capture = real.take(tmp_path / "000", print_batch(job, real))
     code = (
-        "import sys, time\nfrom frametwin.printing.job.job import Job\n"
+        "import sys, time\nfrom frametwin.printing.job.job import PrintJob\n"
         "def tell(p):\n    print(p.stage, flush=True)\n    time.sleep(0.05)\n"
-        "Job(sys.argv[1]).answer(sys.argv[2], progress=tell)\n"
+        "PrintJob(sys.argv[1]).answer(sys.argv[2], progress=tell)\n"
     )
     command = [sys.executable, "-c", code, str(job.folder), str(capture)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
             if line.strip() == "joints and struts":
-                with pytest.raises(Busy, match="another process"):
+                with pytest.raises(JobBusy, match="another process"):
                     job.answer(capture)
                 process.send_signal(signal.SIGKILL)
                 break
@@ -431,7 +431,7 @@ def test_a_process_that_is_killed_leaves_a_job_that_goes_on(job: Job, real: Lean
     assert job.current == 1 and not list((job.folder / "batches").glob(".*"))
 
 
-def test_cancelling_changes_nothing(job: Job, real: LeaningPrint, tmp_path: Path) -> None:
+def test_cancelling_changes_nothing(job: PrintJob, real: LeaningPrint, tmp_path: Path) -> None:
     from frametwin.errors import Cancelled
 
     capture = real.take(tmp_path / "000", print_batch(job, real))
@@ -452,7 +452,7 @@ def test_the_worker_plans_answers_and_tells(tmp_path: Path, design: Wireframe) -
         request = {"frame": frame_json.to_dict(design), "out": str(folder), "settings": settings}
         planned = worker.call("print-plan", request)
         assert planned["struts"] == 24 and sum(planned["batch_sizes"]) == 24
-        capture = real.take(tmp_path / "000", print_batch(Job(folder), real))
+        capture = real.take(tmp_path / "000", print_batch(PrintJob(folder), real))
         answered = worker.call("print-next", {"job": str(folder), "capture": str(capture)})
         assert answered["batch"] == 0 and answered["next"]["batch"] == 1 and not answered["finished"]
         status = worker.call("print-status", {"job": str(folder)})

@@ -24,14 +24,14 @@ from frametwin.printing.adaptation.batch_fit import fit_batch
 from frametwin.printing.adaptation.evidence import Evidence, Pictures
 from frametwin.printing.job import guards
 from frametwin.printing.job.guards import Expectation, GuardLimits
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, cut_batches, plan_order
 from frametwin.printing.job.requeue import laid_again
 from frametwin.printing.job.watch import Watch
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.reachability import OrderSettings
 from frametwin.printing.simulation.simulate import SimulationOptions, draw_print, simulate_print
-from frametwin.printing.simulation.simulated_pictures import Rig
+from frametwin.printing.simulation.simulated_pictures import SimulatedRig
 from frametwin.progress import Progress
 from frametwin.raster.silhouette import silhouettes
 from frametwin.twin.twin import Twin, read_twin
@@ -221,14 +221,14 @@ def test_a_print_of_which_much_is_gone_has_collapsed(half: tuple[Wireframe, Prin
 
 
 @pytest.fixture
-def job(tmp_path: Path) -> Job:
+def job(tmp_path: Path) -> PrintJob:
     return small_job(tmp_path / "job", tower(), formats=("json",))
 
 
 class Hand:
     """Puts captures into a folder, a bit at every look of the watch, and prints when the job asks for it."""
 
-    def __init__(self, job: Job, folder: Path) -> None:
+    def __init__(self, job: PrintJob, folder: Path) -> None:
         self.job, self.real, self.folder = job, LeaningPrint(job.design), folder
         self.said: list[str] = []
         self.looks = 0
@@ -270,11 +270,11 @@ class Hand:
         yield True
 
 
-def watch(job: Job, folder: Path, hand: Hand) -> list[dict]:
+def watch(job: PrintJob, folder: Path, hand: Hand) -> list[dict]:
     return Watch(job, folder, say=hand.said.append, progress=hand, poll=0.0).run()
 
 
-def test_the_watch_answers_folders_as_they_become_whole(job: Job, tmp_path: Path) -> None:
+def test_the_watch_answers_folders_as_they_become_whole(job: PrintJob, tmp_path: Path) -> None:
     captures = tmp_path / "captures"
     captures.mkdir()
     hand = Hand(job, captures)
@@ -290,7 +290,7 @@ def test_the_watch_answers_folders_as_they_become_whole(job: Job, tmp_path: Path
         assert words in text, words
 
 
-def test_the_watch_passes_over_bad_folders_and_goes_on_later(job: Job, tmp_path: Path) -> None:
+def test_the_watch_passes_over_bad_folders_and_goes_on_later(job: PrintJob, tmp_path: Path) -> None:
     captures = tmp_path / "captures"
     captures.mkdir()
     (captures / ".hidden").mkdir()
@@ -322,11 +322,11 @@ def test_the_watch_passes_over_bad_folders_and_goes_on_later(job: Job, tmp_path:
     again.real = hand.real
     shutil.rmtree(captures / "c")
     again.steps = again.work()
-    watch(Job(job.folder), captures, again)
-    assert Job(job.folder).current is None
+    watch(PrintJob(job.folder), captures, again)
+    assert PrintJob(job.folder).current is None
 
 
-def test_the_watch_needs_a_folder_of_captures(job: Job, tmp_path: Path) -> None:
+def test_the_watch_needs_a_folder_of_captures(job: PrintJob, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
         Watch(job, tmp_path / "nowhere").run()
     real = LeaningPrint(job.design)
@@ -340,7 +340,7 @@ def test_the_watch_needs_a_folder_of_captures(job: Job, tmp_path: Path) -> None:
 
 def options(seed: int = 0, adapt: bool = True, **more: object) -> SimulationOptions:
     plan = PlanOptions(batch_size=20, allow_contact=True, adapt=adapt, formats=("json",))
-    return SimulationOptions(plan=plan, rig=Rig(5, (300, 400)), seed=seed, **more)  # type: ignore[arg-type]
+    return SimulationOptions(plan=plan, rig=SimulatedRig(5, (300, 400)), seed=seed, **more)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -353,7 +353,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
 
 def test_a_simulation_is_a_job_with_what_really_stands(simulated: tuple[Path, dict]) -> None:
     folder, told = simulated
-    job = Job(folder)
+    job = PrintJob(folder)
     laid = len(told["e_max"])
     assert {len(told[key]) for key in ("attached", "lost", "printing_seconds")} == {laid}
     assert told["adapted"] and told["struts"] == 76
@@ -374,10 +374,10 @@ def test_a_simulation_that_was_stopped_goes_on_to_the_same_end(simulated: tuple[
     folder, frame = tmp_path / "job", named_frame("bridge")
     with pytest.raises(Cancelled):
         simulate_print(folder, frame, options(seed=1), progress=lambda p: (p.stage, p.iteration) != ("printing", 2))
-    assert Job(folder).answered == 2
+    assert PrintJob(folder).answered == 2
     with pytest.raises(Cancelled):
         simulate_print(folder, frame, options(seed=1), progress=lambda p: p.stage != "joints and struts")
-    assert Job(folder).answered == 2
+    assert PrintJob(folder).answered == 2
     again = simulate_print(folder, frame, options(seed=1)).as_dict()
     assert again["attached"] == whole["attached"] and again["lost"] == whole["lost"]
     assert again["e_max"] == pytest.approx(whole["e_max"], abs=0.05)
@@ -403,7 +403,7 @@ def test_twins_can_be_had_without_adaptation(tmp_path: Path) -> None:
 
 def test_blender_is_needed_for_its_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("frametwin.blender.rendering.client.find_spec", lambda name: None)
-    wanted = dataclasses.replace(options(), rig=Rig(render="mask"))
+    wanted = dataclasses.replace(options(), rig=SimulatedRig(render="mask"))
     with pytest.raises(InputError, match="bpy"):
         simulate_print(tmp_path / "job", tower(), wanted, renderer=blender_renderer())
     assert not (tmp_path / "job").exists()

@@ -16,12 +16,12 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.batches import split_batches
 from frametwin.printing.sequencing.check import check_sequence
-from frametwin.printing.sequencing.clearance import Rods, collision_bits, hit_struts, joined_struts
+from frametwin.printing.sequencing.clearance import StrutChords, collision_bits, joined_struts, unpacked_hits
 from frametwin.printing.sequencing.directions import tool_directions
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, closing_struts, plan_sequence
-from frametwin.printing.sequencing.removal_kernels import bridges, flexibility
-from frametwin.printing.sequencing.stability import batch_sag, looseness
+from frametwin.printing.sequencing.removal_kernels import bridges, joint_compliance
+from frametwin.printing.sequencing.stability import batch_sag, total_compliance
 from frametwin.progress import Progress
 
 FRAMES = Path(__file__).resolve().parents[1] / "datasets" / "frames"
@@ -40,9 +40,9 @@ def stands_at_every_step(frame: Wireframe, sequence: PrintSequence) -> bool:
     return True
 
 
-def planted(*rods: tuple[list[float], list[float]], radius: float = 0.5) -> Wireframe:
+def planted(*chords: tuple[list[float], list[float]], radius: float = 0.5) -> Wireframe:
     """Struts that touch nowhere, all on the ground."""
-    vertices = np.array(rods).reshape(-1, 3)
+    vertices = np.array(chords).reshape(-1, 3)
     return Wireframe.create(
         vertices, np.arange(len(vertices)).reshape(-1, 2), radius=radius, grounded=np.ones(len(vertices), dtype=bool)
     )
@@ -94,7 +94,7 @@ def test_rod_beside_the_cone(gap: float, hit: bool) -> None:
     nozzle = Nozzle(1.0, 10.0, 11.0, 15.0, 100.0, bead=2.0, clearance=distance - radius - gap)
     axes, joined = UP[None], joined_struts(frame)
     bits = collision_bits(frame, nozzle, axes, np.ones((2, 1), dtype=bool), joined)
-    assert hit_struts(bits, 2)[0, 0].tolist() == [False, hit]
+    assert unpacked_hits(bits, 2)[0, 0].tolist() == [False, hit]
     sequence = PrintSequence([1, 0], [2, 0], np.tile(UP, (2, 1)), [0, 0])
     found = check_sequence(frame, sequence, nozzle)
     assert [f.strut for f in found if f.strut == 0 and 1 in f.others] == ([0] if hit else [])
@@ -105,7 +105,7 @@ def test_collisions_of_curved_struts_agree_with_dense_sampling(curved_frame: Wir
     frame, axes = curved_frame, tool_directions(0.8)
     nozzle, wanted = Nozzle.fitting(frame), np.ones((frame.strut_count, len(axes)), dtype=bool)
     joined = joined_struts(frame)
-    table = hit_struts(collision_bits(frame, nozzle, axes, wanted, joined), frame.strut_count)
+    table = unpacked_hits(collision_bits(frame, nozzle, axes, wanted, joined), frame.strut_count)
     points = bezier.evaluate(frame.control_points, np.linspace(0.0, 1.0, 81))
     rng = np.random.default_rng(3)
     agree = 0
@@ -125,15 +125,15 @@ def test_collisions_of_curved_struts_agree_with_dense_sampling(curved_frame: Wir
 
 
 def test_chords_follow_their_curves(curved_frame: Wireframe) -> None:
-    rods = Rods.of(curved_frame.control_points, curved_frame.radius)
+    chords = StrutChords.of(curved_frame.control_points, curved_frame.radius)
     points = bezier.evaluate(curved_frame.control_points, np.linspace(0.0, 1.0, 201))
     for strut in range(curved_frame.strut_count):
-        pieces = slice(rods.first[strut], rods.first[strut + 1])
-        start, way = rods.start[pieces], rods.end[pieces] - rods.start[pieces]
+        pieces = slice(chords.first[strut], chords.first[strut + 1])
+        start, way = chords.start[pieces], chords.end[pieces] - chords.start[pieces]
         s = np.clip(((points[strut][:, None] - start) * way).sum(axis=2) / (way**2).sum(axis=1), 0.0, 1.0)
         away = np.linalg.norm(start + s[..., None] * way - points[strut][:, None], axis=2).min(axis=1)
-        assert away.max() <= rods.slack[strut] + 1e-9
-        assert rods.slack[strut] <= 0.11 * curved_frame.radius[strut]
+        assert away.max() <= chords.slack[strut] + 1e-9
+        assert chords.slack[strut] <= 0.11 * curved_frame.radius[strut]
 
 
 def test_bridges_are_those_of_networkx() -> None:
@@ -268,15 +268,15 @@ def test_flexibility_is_the_largest_eigenvalue_of_the_inverse() -> None:
     for _ in range(50):
         a = rng.normal(size=(3, 3))
         k = a @ a.T + 0.1 * np.eye(3)
-        assert flexibility(k) == pytest.approx(1.0 / np.linalg.eigvalsh(k)[0], rel=1e-6)
-    assert flexibility(np.zeros((3, 3))) == 0.0
-    assert flexibility(2.0 * np.eye(3)) == pytest.approx(0.5)
+        assert joint_compliance(k) == pytest.approx(1.0 / np.linalg.eigvalsh(k)[0], rel=1e-6)
+    assert joint_compliance(np.zeros((3, 3))) == 0.0
+    assert joint_compliance(2.0 * np.eye(3)) == pytest.approx(0.5)
 
 
 def test_cantilevers_count_and_tripods_do_not() -> None:
     feet = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]]
     frame = Wireframe.create([*feet, [3.0, 3.0, 8.0]], [[0, 3], [1, 3], [2, 3]], radius=0.3)
-    loose = looseness(frame, np.arange(3))
+    loose = total_compliance(frame, np.arange(3))
     assert loose[0] == pytest.approx((frame.lengths[0] / np.median(frame.lengths)) ** 3, rel=1e-4)
     assert 0.25 * loose[0] < loose[1] < 0.75 * loose[0]
     assert loose[2] < 0.01

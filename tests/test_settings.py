@@ -25,7 +25,7 @@ from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.settings import FitSettings
 from frametwin.mechanics.hardening import Hardening
 from frametwin.printing.job.guards import GuardLimits
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.toolpath.robot_files import RobotSettings
@@ -288,7 +288,7 @@ def test_a_job_file_is_checked_and_named(tmp_path: Path, place: tuple[str, ...],
     inside.pop("anticipate", None)
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        Job(tmp_path / "job")
+        PrintJob(tmp_path / "job")
     assert (caught.value.source, caught.value.field) == (str(path), field)
 
 

@@ -17,7 +17,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
-from frametwin.printing.toolpath.moves import tool_rotations
+from frametwin.printing.toolpath.keep_out import tool_rotations
 from frametwin.printing.toolpath.waypoints import APPROACH, PRINT, RETREAT, Waypoints, WaypointSettings, waypoints_of
 from frametwin.printing.toolpath.workspace import Workspace
 

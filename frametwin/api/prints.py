@@ -11,7 +11,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 
 if TYPE_CHECKING:
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
     from frametwin.printing.simulation.simulate import SimulatedPrint
 
 
@@ -23,7 +23,7 @@ def plan_print(
     overwrite: bool = False,
     progress: ProgressCallback | None = None,
     **options: Any,
-) -> Job:
+) -> PrintJob:
     """Find an order in which a frame can be printed, and write a job with the waypoints of its first batch.
 
     Parameters
@@ -60,7 +60,7 @@ def plan_print(
     )
 
 
-def read_print(folder: PathLike) -> Job:
+def read_print(folder: PathLike) -> PrintJob:
     """Open a print job.
 
     Parameters
@@ -78,13 +78,13 @@ def read_print(folder: PathLike) -> Job:
     InputError
         If it is no job, or damaged.
     """
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
 
-    return Job(folder)
+    return PrintJob(folder)
 
 
 def answer_print(
-    job: Job | PathLike,
+    job: PrintJob | PathLike,
     capture: PathLike,
     *,
     accept: Collection[str] = (),
@@ -120,9 +120,9 @@ def answer_print(
         If ``progress`` returns ``False``; the job is as it was.
     """
     from frametwin.printing.job.answer import AnswerOptions
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
 
-    work = job if isinstance(job, Job) else Job(job)
+    work = job if isinstance(job, PrintJob) else PrintJob(job)
     return work.answer(capture, AnswerOptions(accept=frozenset(accept), reprint=reprint), progress)
 
 
@@ -177,9 +177,9 @@ def simulate_print(
     """
     from frametwin.printing.job.plan_job import PlanOptions
     from frametwin.printing.simulation import simulate
-    from frametwin.printing.simulation.simulated_pictures import Rig
+    from frametwin.printing.simulation.simulated_pictures import SimulatedRig
 
     plan = PlanOptions(**{"adapt": adapt, "reprint": adapt, "allow_contact": True, **options})
-    rig = Rig(views=views) if size is None else Rig(views=views, size=size)
+    rig = SimulatedRig(views=views) if size is None else SimulatedRig(views=views, size=size)
     wanted = simulate.SimulationOptions(plan=plan, rig=rig, seed=seed)
     return simulate.simulate_print(folder, frame_of(frame), wanted, order=order, overwrite=overwrite, progress=progress)

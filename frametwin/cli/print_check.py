@@ -43,10 +43,10 @@ def check_command(job: Path, batch: int | None, quiet: bool, as_json: bool) -> i
       frametwin print check out/job --json
     """
     from frametwin.printing.job.check import check_job
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
 
     with Display(quiet) as display:
-        found = check_job(Job(job), batch, display)
+        found = check_job(PrintJob(job), batch, display)
     if as_json:
         print_json({"job": job, **found.as_dict()})
         return int(not found.fine)

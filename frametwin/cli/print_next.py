@@ -13,7 +13,7 @@ from frametwin.cli.print_common import accept_option
 from frametwin.wording import shortened
 
 if TYPE_CHECKING:
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
 
 
 def reprint_option(function: Any) -> Any:
@@ -55,10 +55,10 @@ def next_command(
       frametwin print next out/job --capture out/captures/007 --accept lost-struts
     """
     from frametwin.printing.job.answer import AnswerOptions
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
     from frametwin.printing.job.summaries import answer_summary
 
-    work = Job(job)
+    work = PrintJob(job)
     options = AnswerOptions(accept=frozenset(accept), reprint=reprint, warm=not cold)
     with Display(quiet) as display:
         report = work.answer(capture, options, display)
@@ -90,7 +90,7 @@ def watch_command(
     """Answer every capture folder that appears in CAPTURES, in the order of their names, until JOB is finished.
 
     A folder is taken when transforms.json and all the pictures it names are there and have stopped growing. One that
-    cannot be used, or with which the job holds (see frametwin print next --help), is told of and left alone until
+    cannot be used, or for which the job is held (see frametwin print next --help), is told of and left alone until
     it changes; nothing is printed on meanwhile. Ctrl-C stops at once, and the same command goes on. The exit code is 0
     when the print is finished, whatever was passed over, and 130 after Ctrl-C.
 
@@ -99,11 +99,11 @@ def watch_command(
       frametwin print watch out/job out/captures
     """
     from frametwin.printing.job.answer import AnswerOptions
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
     from frametwin.printing.job.summaries import answer_summary
     from frametwin.printing.job.watch import Watch
 
-    work = Job(job)
+    work = PrintJob(job)
     options = AnswerOptions(accept=frozenset(accept), reprint=reprint)
     say = (lambda sentence: None) if quiet else (lambda sentence: click.echo(sentence, err=True))
     with Display(quiet=True) as display:
@@ -116,7 +116,7 @@ def watch_command(
     tell_status(work)
 
 
-def answer_facts(job: Job, report: dict[str, Any]) -> list[tuple[str, str]]:
+def answer_facts(job: PrintJob, report: dict[str, Any]) -> list[tuple[str, str]]:
     """The same for people."""
     facts = [
         ("struts", f"{len(report['laid'])} laid, {report['standing']} of {job.design.strut_count} stand"),

@@ -117,12 +117,12 @@ def _simulate(options: SimulateOptions) -> None:
     from frametwin.printing.job.plan_job import PlanOptions
     from frametwin.printing.process.material import PrintSettings
     from frametwin.printing.simulation.simulate import SimulationOptions, draw_print, simulate_print
-    from frametwin.printing.simulation.simulated_pictures import Rig
+    from frametwin.printing.simulation.simulated_pictures import SimulatedRig
 
     wanted = SimulationOptions(
         plan=PlanOptions(**options.plan),
         print=PrintSettings() if options.sag is None else PrintSettings(sag=options.sag),
-        rig=Rig(options.views, options.size, options.render),
+        rig=SimulatedRig(options.views, options.size, options.render),
         seed=options.seed,
         fit=options.fit,
         accept=options.accept,

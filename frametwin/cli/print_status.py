@@ -10,7 +10,7 @@ import click
 from frametwin.cli.common import FOLDER, json_option, print_json, print_table
 
 if TYPE_CHECKING:
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
 
 
 @click.command("status", short_help="Show how far a job is, and what to do next.")
@@ -24,18 +24,18 @@ def status_command(job: Path, as_json: bool) -> None:
     Example:
       frametwin print status out/job
     """
-    from frametwin.printing.job.job import Job
+    from frametwin.printing.job.job import PrintJob
     from frametwin.printing.job.summaries import status_summary
 
-    work = Job(job)
-    work.settle()
+    work = PrintJob(job)
+    work.recover()
     if as_json:
         print_json({"job": job, **status_summary(work)})
     else:
         tell_status(work)
 
 
-def tell_status(job: Job) -> None:
+def tell_status(job: PrintJob) -> None:
     """Print the state of a job for people."""
     from frametwin.printing.job.summaries import what_next
 

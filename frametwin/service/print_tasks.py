@@ -10,7 +10,7 @@ from frametwin.blender.rendering.client import blender_renderer
 from frametwin.checked_json import convert_fields
 from frametwin.files import staged_directory
 from frametwin.printing.job.answer import AnswerOptions
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.job.summaries import answer_summary, plan_summary, status_summary
 from frametwin.printing.simulation.simulate import SimulationOptions, draw_print, simulate_print
@@ -75,7 +75,7 @@ def answer(
     ``job`` and what `frametwin.printing.job.summaries.answer_summary` gives.
     """
     options = AnswerOptions(accept=frozenset(accept or ()), reprint=reprint)
-    work = Job(job)
+    work = PrintJob(job)
     report = work.answer(capture, options, progress)
     return {"job": job, **answer_summary(work, report)}
 
@@ -87,8 +87,8 @@ def status(job: Path) -> dict[str, Any]:
     -------
     ``job`` and what `frametwin.printing.job.summaries.status_summary` gives.
     """
-    work = Job(job)
-    work.settle()
+    work = PrintJob(job)
+    work.recover()
     return {"job": job, **status_summary(work)}
 
 

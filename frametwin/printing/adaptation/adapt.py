@@ -56,7 +56,7 @@ def adapt(plan: Wireframe, twin: Twin, field: DeformationField, settings: AdaptS
 
     Returns
     -------
-    A frame of the same struts and joints. Lost struts are not marked as printed: nothing is held by them, nor
+    A frame of the same struts and joints. Lost struts are not marked as printed: nothing is supported by them, nor
     expected in the next pictures; they move like other struts that are still to come. Printed struts that are
     seen too badly move with the field, and so do joints of which nothing better is known.
 

@@ -22,25 +22,26 @@ from frametwin.printing.records.sequence import PrintSequence
 HISTORY = 4
 """Batches that are looked back at: the shares of movement that persist are found from each and the one before it."""
 
-DOUBT = 4.0
-"""Shares within so many variances of zero, two standard deviations, are taken for zero."""
+SIGNIFICANCE = 4.0
+"""Shares within so many variances of zero, which is two standard deviations, count as zero."""
 
-MOST = 1.0
+LARGEST_SHARE = 1.0
 """Largest share of a drift that is expected again. Where larger ones were found, they missed more often than not."""
 
 
 def drift_rate(seen: Sequence[Observation]) -> np.ndarray | None:
-    """How fast joints are expected to go on moving.
+    """Estimate how fast joints go on moving.
 
     Parameters
     ----------
     seen
-        Of successive batches, the last one being that which was just seen.
+        Drifts of successive batches, the last one being that which was just seen.
 
     Returns
     -------
-    (V, 3) mm for each strut that is laid from now on, 0 at joints of which nothing is known; ``None`` where nothing
-    can be said yet, or nothing moves.
+    (V, 3) array, mm, or None
+        Drift with each strut that is laid from now on, 0 at joints of which nothing is known; ``None`` where nothing
+        can be said yet, or nothing moves.
     """
     seen = list(seen)[-HISTORY:]
     if len(seen) < 2:
@@ -49,15 +50,15 @@ def drift_rate(seen: Sequence[Observation]) -> np.ndarray | None:
     rate = np.zeros_like(last.drift)
     for new in (True, False):
         part = last.known & (before.known != new)
-        rate[part] = _persisting(seen, new) * last.drift[part] / last.struts
+        rate[part] = _persistence(seen, new) * last.drift[part] / last.struts
     return rate if rate.any() else None
 
 
-def _persisting(seen: Sequence[Observation], new: bool) -> float:
-    """The share of a batch's movement per strut that is found again in the next one.
+def _persistence(seen: Sequence[Observation], new: bool) -> float:
+    """The share of a batch's drift per strut that is found again in the next one.
 
-    Least squares over successive batches, drawn towards zero by its own uncertainty (the positive part of James and
-    Stein's estimate). ``new`` tells of joints in the first batch in which they were seen, or of all the others.
+    Least squares over successive batches, shrunk towards zero by its own variance (the positive part of James and
+    Stein's estimate): of joints in the first batch in which they were seen where ``new``, else of all the others.
     """
     was, then = [], []
     for k in range(1, len(seen)):
@@ -72,7 +73,7 @@ def _persisting(seen: Sequence[Observation], new: bool) -> float:
         return 0.0
     share = float(x @ y) / square
     variance = float(np.mean((y - share * x) ** 2)) / square
-    return float(np.clip(share * max(0.0, 1.0 - DOUBT * variance / max(share**2, 1e-12)), 0.0, MOST))
+    return float(np.clip(share * max(0.0, 1.0 - SIGNIFICANCE * variance / max(share**2, 1e-12)), 0.0, LARGEST_SHARE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +86,10 @@ class Anticipation:
         As things stand before the batch, ``printed`` marking what does.
     laying
         The batch, in its order.
-    rate
-        (V, 3) mm by which each joint moves with each strut that is laid.
-    since
-        (V,) struts after which a joint is there: 0 for those that stand.
+    rate : (V, 3) array, mm
+        Drift of each joint with each strut that is laid.
+    since : (V,) array
+        Number of struts of the batch after which a joint is there: 0 for those that stand.
     """
 
     plan: Wireframe
@@ -98,25 +99,30 @@ class Anticipation:
 
     @classmethod
     def of(cls, plan: Wireframe, laying: PrintSequence, rate: np.ndarray | None) -> Anticipation:
-        """What ``rate`` (see `drift_rate`; ``None`` for a print that stands still) means for a batch.
+        """Apply a rate of drift to a batch; joints that are new in it drift with those that they hang on.
 
-        Joints that the batch brings into being move on from there with what they hang on.
+        Parameters
+        ----------
+        plan, laying
+            See the attributes.
+        rate : (V, 3) array, mm, or None
+            See `drift_rate`; ``None`` for a print that stands still.
         """
         since = np.zeros(plan.vertex_count)
         if rate is None:
             return cls(plan, laying, np.zeros_like(plan.vertices), since)
         rate = np.array(rate)
-        held, holds = plan.printed_vertices() | plan.grounded, np.zeros(plan.vertex_count)
+        there, struts = plan.printed_vertices() | plan.grounded, np.zeros(plan.vertex_count)
         for place, (start, end) in enumerate(zip(laying.start, laying.end_in(plan), strict=True)):
-            if held[end]:
+            if there[end]:
                 continue
-            since[end] = since[end] if holds[end] else place + 0.5
-            holds[end] += 1.0
-            rate[end] += (rate[start] - rate[end]) / holds[end]  # the mean over its struts
+            since[end] = since[end] if struts[end] else place + 0.5
+            struts[end] += 1.0
+            rate[end] += (rate[start] - rate[end]) / struts[end]  # the mean over its struts
         return cls(plan, laying, rate, since)
 
     def shift(self, laid: float) -> np.ndarray:
-        """(V, 3) mm by which joints will have moved when so many struts of the batch have been laid."""
+        """(V, 3) array, mm: drift of the joints by the time at which so many struts of the batch have been laid."""
         return np.maximum(laid - self.since, 0.0)[:, None] * self.rate
 
     def frame(self, laid: float) -> Wireframe:
@@ -128,7 +134,7 @@ class Anticipation:
         return self.plan.moved_to(self.plan.vertices + shift) if shift.any() else self.plan
 
     def curves(self) -> np.ndarray:
-        """(N, 4, 3) mm where the robot lays the struts, each from start to end: where its joints will be by then."""
+        """(N, 4, 3) array, mm: the struts as they are laid, from start to end, where their joints will be by then."""
         curves = self.laying.directed_curves(self.plan)
         if not self.rate.any():
             return curves

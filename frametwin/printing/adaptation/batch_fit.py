@@ -36,15 +36,15 @@ it starts, so that one more blurred stage does for the coarse ones, and fewer st
 stages pull less towards the start, which is no smooth motion of the frame here but the plan. Without the first stage,
 joints that moved by more than about four radii would be lost."""
 
-ASTRAY = 1.0
-"""A warm fit is doubted where the white of so many typical struts lies beside the twin. Whole prints have 0.0, and
-struts that hang free at one end, which no twin can have, about 0.1 each."""
+MOST_UNCOVERED = 1.0
+"""A warm fit is doubted where as many white pixels lie beside the twin as so many typical struts have. Whole prints
+have 0.0; struts that hang free at one end, which no twin can have, count about 0.1 each."""
 
-ROOM = 32
-"""Pixels around what is looked at: struts and blurred pictures reach a little beyond their centrelines."""
+CROP_MARGIN = 32
+"""Pixels that are kept around the struts: their silhouettes, and blurred ones more so, reach beyond centrelines."""
 
-CONTRADICTED = 0.1
-"""Or where so much of the twin lies on black; whole prints have 0.02 to 0.05."""
+MOST_CONTRADICTED = 0.1
+"""It is doubted too where a larger share of the twin lies on black; whole prints have 0.02 to 0.05."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,22 +102,26 @@ def fit_batch(
         still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
         result, start = fit_views(expected, cameras, masks, changes=WARM, start=still, callback=progress), "warm"
         pictures = Pictures(expected, cameras, masks)
-        if _astray(pictures, expected, result):
+        if _is_doubtful(pictures, expected, result):
             other = fit_views(expected, cameras, masks, callback=progress)
-            result = min((result, other), key=lambda found: _merit(pictures, expected, found))
+            result = min((result, other), key=lambda found: _disagreement(pictures, expected, found))
             start = "warm, then cold"
     return BatchFit(result, start, perf_counter() - began)
 
 
-def _astray(pictures: Pictures, expected: Wireframe, result: FitResult) -> bool:
-    """Whether struts of the pictures are elsewhere than the twin's. Lost struts alone, which the pictures do not show
-    either, are no reason to start afresh."""
+def _is_doubtful(pictures: Pictures, expected: Wireframe, result: FitResult) -> bool:
+    """Whether the pictures show struts elsewhere than the twin has them.
+
+    Lost struts alone, which the pictures do not show either, are no reason to start afresh.
+    """
     evidence = pictures.evidence(expected, result.twin)
-    return evidence.uncovered * int(expected.printed.sum()) > ASTRAY or evidence.contradicted > CONTRADICTED
+    return (
+        evidence.uncovered * int(expected.printed.sum()) > MOST_UNCOVERED or evidence.contradicted > MOST_CONTRADICTED
+    )
 
 
-def _merit(pictures: Pictures, expected: Wireframe, result: FitResult) -> float:
-    """Least for the twin that explains the pictures best and with the fewest struts missing."""
+def _disagreement(pictures: Pictures, expected: Wireframe, result: FitResult) -> float:
+    """How badly a twin fits the pictures: share that does not match, and share of the struts that it misses."""
     missing = len(lost_struts(expected, result.twin)) / int(expected.printed.sum())
     return pictures.evidence(expected, result.twin).mismatch + missing
 
@@ -146,8 +150,8 @@ def cropped(
             corners.append(np.array([[columns[0], rows[0]], [columns[-1] + 1, rows[-1] + 1]], dtype=np.float64))
         extent = np.concatenate(corners)
         size = np.array([camera.width, camera.height])
-        low = np.clip(np.floor(extent.min(axis=0, initial=size.max())) - ROOM, 0, size - 1).astype(int)
-        high = np.clip(np.ceil(extent.max(axis=0, initial=0.0)) + ROOM, low + 1, size).astype(int)
+        low = np.clip(np.floor(extent.min(axis=0, initial=size.max())) - CROP_MARGIN, 0, size - 1).astype(int)
+        high = np.clip(np.ceil(extent.max(axis=0, initial=0.0)) + CROP_MARGIN, low + 1, size).astype(int)
         (left, top), (right, bottom) = low.tolist(), high.tolist()
         part = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
         views.append((part, np.ascontiguousarray(mask[top:bottom, left:right])))

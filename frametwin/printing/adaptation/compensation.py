@@ -1,10 +1,11 @@
 """Printing against the sag still to come, so that the finished frame is near the design and not only unbroken.
 
 The paper leaves this to future work (Sec. VI.D: "inversely deforming the unprinted portion of the target model based
-on the deformation captured by the digital twin of the printed portion"). Here a model of the print forecasts how far
-every joint drifts from when it is laid to the end; what kind of material it is, and three factors, on the weight and
-on the pull along x and y, are found by least squares from what the twins saw so far; and the joints still to be laid
-are aimed at the design less the forecast. Joints that stand are met where they are, as ever.
+on the deformation captured by the digital twin of the printed portion"). Here models of the print, one for each of
+several candidate materials, forecast how far every joint drifts from when it is laid to the end. Each model has three
+factors, on the weight and on sideways loads along x and y, which are found by least squares, with priors, from what the
+twins saw so far. The models are averaged, weighted by how well they fit, and the joints still to be laid are aimed at
+the design less the forecast. Joints that stand are met where they are, as ever.
 """
 
 from __future__ import annotations
@@ -21,39 +22,39 @@ from frametwin.printing.process.calibration import linear_drift
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
 
-PULLS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
-"""Along x, along y, and the weight."""
+LOAD_DIRECTIONS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
+"""Unit loads: along x, along y, and the weight."""
 
-NOISE = 0.05
-"""Inaccuracy of laying and seeing a joint, as a share of a strut's diameter."""
+PLACEMENT_NOISE = 0.05
+"""Standard deviation of laying and seeing a joint along each axis, as a share of a strut's diameter."""
 
-BELIEFS = tuple(
+CANDIDATE_MATERIALS = tuple(
     PrintSettings(axial=axial, rest=rest, lean=0.1, increments=1) for axial in (0.07, 0.25, 1.0) for rest in (0.04, 0.2)
 )
 """What materials may be like: how stiff struts are along themselves and how long they go on flowing."""
 
-EVIDENCE = 10.0
-"""A belief has say in proportion to its misfit to the power of minus this, as if 20 values had been seen: drifts of
-neighbouring joints, and what is left of them, go together."""
+WEIGHT_EXPONENT = 10.0
+"""A candidate's weight is its residual sum of squares to the power of minus this, as if 20 values were independent:
+drifts of neighbouring joints, and what a model leaves of them, are correlated."""
 
-DOUBT = 4.0
-"""Factors within so many variances of zero, two standard deviations, are taken for zero."""
+SIGNIFICANCE = 4.0
+"""Factors within so many variances of zero, which is two standard deviations, count as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class SagForecast:
-    """Models of how a print drifts, each up to three factors.
+    """Models of how a print drifts, one for each candidate material, each up to three factors.
 
     Attributes
     ----------
     design
         What shall be printed.
-    drift
-        (B, N, V, 3, 3) mm that each joint drifts in each batch, by belief and direction, for each of `PULLS`.
+    drift : (B, N, V, 3, 3) array, mm
+        Of each joint in each batch with each candidate, along x, y and z, under each of `LOAD_DIRECTIONS`.
     lean
-        Sideways pull to be expected, as a share of the weight.
-    noise
-        Inaccuracy of laying and seeing a joint, in mm along each axis.
+        Prior of the sideways loads: their standard deviation as a share of the weight.
+    noise : float, mm
+        Standard deviation of laying and seeing a joint along each axis.
     """
 
     design: Wireframe
@@ -63,7 +64,7 @@ class SagForecast:
 
     @classmethod
     def build(
-        cls, design: Wireframe, sequence: PrintSequence, beliefs: Sequence[PrintSettings] = BELIEFS
+        cls, design: Wireframe, sequence: PrintSequence, candidates: Sequence[PrintSettings] = CANDIDATE_MATERIALS
     ) -> SagForecast:
         """Analyse a print of the design, once for all batches.
 
@@ -71,25 +72,27 @@ class SagForecast:
         ----------
         design, sequence
             The print.
-        beliefs
+        candidates
             What the material may be like; what was seen decides. Weight, ``flow`` and ``sag`` do not matter.
         """
-        noise = NOISE * 2.0 * float(np.median(design.radius))
-        lean = max(1e-3, float(np.mean([belief.lean for belief in beliefs])))
-        drift = [linear_drift(design, sequence, belief, PULLS) for belief in beliefs]
+        noise = PLACEMENT_NOISE * 2.0 * float(np.median(design.radius))
+        lean = max(1e-3, float(np.mean([candidate.lean for candidate in candidates])))
+        drift = [linear_drift(design, sequence, candidate, LOAD_DIRECTIONS) for candidate in candidates]
         return cls(design, np.stack(drift, axis=1), lean, noise)
 
-    def explain(self, seen: Sequence[Observation]) -> tuple[np.ndarray, np.ndarray]:
-        """How well each belief explains what was seen, and by which factors.
+    def fit(self, seen: Sequence[Observation]) -> tuple[np.ndarray, np.ndarray]:
+        """Fit each candidate to what was seen.
 
-        Least squares, with sideways factors expected to be about ``lean`` times that of the weight, and all of them
-        drawn towards zero (the positive part of James and Stein's estimate) as long as what was seen could as well be
-        inaccuracy of laying and seeing: after a first batch that hardly moved, any weight would do.
+        Least squares, with a prior on the sideways factors of about ``lean`` times that of the weight, all of them
+        shrunk towards zero (the positive part of James and Stein's estimate) as long as what was seen could as well be
+        noise of laying and seeing: after a first batch that hardly moved, any weight would do.
 
         Returns
         -------
-        say, factors
-            (N,) weights of the beliefs that sum to 1, and (N, 3) factors on `PULLS`.
+        weights : (N,) array
+            Of the candidates; they sum to 1.
+        factors : (N, 3) array
+            On `LOAD_DIRECTIONS`.
 
         Raises
         ------
@@ -101,26 +104,31 @@ class SagForecast:
                 problem = f"is {one.batch} in a print of {len(self.drift)} batches"
                 raise InputError.at(self.design.name, "batch", problem, "give the batches of this print")
         count = self.drift.shape[1]
-        say, factors = np.full(count, 1.0 / count), np.zeros((count, 3))
+        weights, factors = np.full(count, 1.0 / count), np.zeros((count, 3))
         if not any(one.known.any() for one in seen):
-            return say, factors
+            return weights, factors
         value = np.concatenate([one.drift[one.known].ravel() for one in seen])
-        misfit = np.zeros(count)
-        for belief in range(count):
-            model = np.concatenate([self.drift[one.batch, belief][one.known].reshape(-1, 3) for one in seen])
-            misfit[belief], factors[belief] = self._factors(model, value)
-        misfit = np.maximum(misfit, 1e-12 * float(value @ value) + 1e-300)
-        say = (misfit / misfit.min()) ** -EVIDENCE
-        return say / say.sum(), factors
+        residual = np.zeros(count)
+        for candidate in range(count):
+            model = np.concatenate([self.drift[one.batch, candidate][one.known].reshape(-1, 3) for one in seen])
+            residual[candidate], factors[candidate] = self._factors(model, value)
+        residual = np.maximum(residual, 1e-12 * float(value @ value) + 1e-300)
+        weights = (residual / residual.min()) ** -WEIGHT_EXPONENT
+        return weights / weights.sum(), factors
 
-    def to_come(self, seen: Sequence[Observation], batch: int) -> np.ndarray:
-        """(V, 3) mm that each joint will drift in the batches from ``batch`` on: the beliefs' mean, by their say."""
-        say, factors = self.explain(seen)
-        total: np.ndarray = np.einsum("n,nvxk,nk->vx", say, self.drift[batch:].sum(axis=0), factors)
+    def remaining_drift(self, seen: Sequence[Observation], batch: int) -> np.ndarray:
+        """Forecast how far each joint drifts in the batches from ``batch`` on: the weighted mean of the candidates.
+
+        Returns
+        -------
+        (V, 3) array, mm
+        """
+        weights, factors = self.fit(seen)
+        total: np.ndarray = np.einsum("n,nvxk,nk->vx", weights, self.drift[batch:].sum(axis=0), factors)
         return total
 
     def _factors(self, model: np.ndarray, value: np.ndarray) -> tuple[float, np.ndarray]:
-        """What a model (M, 3) leaves of the values (M,), in square mm, and its factors."""
+        """The residual sum of squares that a model (M, 3) leaves of the values (M,), in square mm, and its factors."""
         down = model[:, 2]
         if not down.any():
             return float(value @ value), np.zeros(3)
@@ -128,12 +136,12 @@ class SagForecast:
         noise = max(self.noise**2, float(np.mean((value - weight * down) ** 2)))
         prior = np.diag([1.0, 1.0, 0.0]) * noise / max(self.lean * weight, 1e-12) ** 2
         factors = np.linalg.solve(model.T @ model + prior, model.T @ value)
-        doubt = noise / float(down @ down) / max(factors[2], 1e-12) ** 2
+        variance = noise / float(down @ down) / max(factors[2], 1e-12) ** 2  # relative to the weight's factor
         left: np.ndarray = value - model @ factors
-        return float(left @ left), factors * max(0.0, 1.0 - DOUBT * doubt)
+        return float(left @ left), factors * max(0.0, 1.0 - SIGNIFICANCE * variance)
 
 
-def compensate(plan: Wireframe, design: Wireframe, to_come: np.ndarray) -> Wireframe:
+def compensate(plan: Wireframe, design: Wireframe, remaining: np.ndarray) -> Wireframe:
     """Aim the joints that are still to be laid at the design less what they will drift.
 
     Parameters
@@ -142,8 +150,8 @@ def compensate(plan: Wireframe, design: Wireframe, to_come: np.ndarray) -> Wiref
         Adapted to the print (`frametwin.printing.adaptation.adapt.adapt`).
     design
         Where the finished frame shall be.
-    to_come
-        (V, 3) mm, see `SagForecast.to_come`.
+    remaining : (V, 3) array, mm
+        See `SagForecast.remaining_drift`.
 
     Returns
     -------
@@ -151,4 +159,4 @@ def compensate(plan: Wireframe, design: Wireframe, to_come: np.ndarray) -> Wiref
     plate and joints of printed struts stay where they are, to the last bit.
     """
     free = ~plan.printed_vertices() & ~plan.grounded
-    return plan.moved_to(np.where(free[:, None], design.vertices - to_come, plan.vertices))
+    return plan.moved_to(np.where(free[:, None], design.vertices - remaining, plan.vertices))

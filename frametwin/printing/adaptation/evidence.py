@@ -20,8 +20,8 @@ DETAIL = 1.8
 """Radius in pixels of the typical strut in the pictures that are compared: an outline that is a fifth of a radius off
 is less than half a pixel there."""
 
-CLEAR = 0.8
-"""A pixel of which more than this share is seen past the twin is not covered."""
+UNCOVERED = 0.8
+"""A white pixel counts as uncovered if the twin lets more than this share of it through."""
 
 BLUR = 0.7
 PIECES = 6
@@ -40,8 +40,8 @@ class Evidence:
     uncovered
         Share of the white pixels where the twin has next to nothing. Outlines that are a little off do not count
         here, so that of N struts one that lies elsewhere shows as 1/N.
-    whiteness
-        (N,) share of each other strut's pixels that is white, of those in plain view past the twin; NaN for struts of
+    whiteness : (N,) array
+        Share of each other strut's pixels that is white, of those in plain view past the twin; NaN for struts of
         which hardly any are.
     """
 
@@ -92,7 +92,7 @@ class Pictures:
         return Evidence(
             unexplained=-float(np.minimum(residual, 0.0).sum()) / max(self._white, 1.0),
             contradicted=float(np.maximum(residual, 0.0).sum()) / max(silhouette, 1.0),
-            uncovered=float(((self.level.target > 0.5) & (through > CLEAR)).sum()) / max(self._pixels, 1.0),
+            uncovered=float(((self.level.target > 0.5) & (through > UNCOVERED)).sum()) / max(self._pixels, 1.0),
             whiteness=np.zeros(0) if others is None else self._whiteness(drawn, others),
         )
 

@@ -19,10 +19,10 @@ class Observation:
     ----------
     batch
         Its number.
-    drift
-        (V, 3) mm, from where the twin before saw the joint, or from where it was to be laid.
-    known
-        (V,) bool, True where the twin says so.
+    drift : (V, 3) array, mm
+        From where the twin before saw the joint, or from where it was to be laid; 0 where nothing is known.
+    known : (V,) bool array
+        The twin tells where the joint is.
     struts
         How many were laid in the batch.
     """
@@ -47,9 +47,16 @@ class Observation:
 
         Parameters
         ----------
-        before
-            (V, 3) mm where the joints were when the batch began, and where new ones were to be laid; those of ``plan``
-            by default.
+        batch
+            Its number.
+        plan, twin
+            What was expected, and what was found.
+        before : (V, 3) array, mm, optional
+            Where the joints were when the batch began, and where new ones were to be laid; default those of ``plan``.
+        struts
+            How many were laid in the batch.
+        settings
+            Of which struts the twin is believed; see `AdaptSettings`.
         """
         settings = AdaptSettings() if settings is None else settings
         sure = plan.printed & (twin.confidence >= settings.confidence)

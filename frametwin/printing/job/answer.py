@@ -42,8 +42,8 @@ ACCEPTABLE = (*guards.KINDS, "contact")
 """What can be accepted by name."""
 
 
-ASTRAY = ("collapsed", "poor-fit", "displacement")
-"""Doubts that pictures of a later batch raise as well, as twins of fewer struts than are seen go anywhere."""
+ALSO_OF_LATER_PICTURES = ("collapsed", "poor-fit", "displacement")
+"""Doubts that pictures of a later batch raise too: a twin of fewer struts than the pictures show may go anywhere."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ class Step:
         What the cameras should see.
     earlier
         Hashes of the pictures of each batch before.
-    before
-        (V, 3) mm where the joints were when the batch began, and where new ones were to be laid.
+    before : (V, 3) array, mm
+        Where the joints were when the batch began, and where new ones were to be laid.
     forecast
         Of how the print drifts, where the job compensates.
     seen
@@ -114,7 +114,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class GoingOn:
+class Continuation:
     """How the print goes on.
 
     Attributes
@@ -180,7 +180,7 @@ def answer_batch(
             doubts = guards.doubts_of_capture(taken, step.expected, step.earlier, step.settings.limits)
             hold(capture, doubts, options.accept)
         found = _find(taken, step, options, progress) if wanted else None
-    going = _going_on(step, found, options)
+    going = _continuation(step, found, options)
     if found is not None and step.settings.adapt:
         doubts += _doubts(step, found, going)
         hold(str(capture), doubts, options.accept)
@@ -241,11 +241,11 @@ def _struts_of(frame: Wireframe, struts: np.ndarray) -> Wireframe:
     return frame.subset(mask)[0]
 
 
-def _going_on(step: Step, found: _Found | None, options: AnswerOptions) -> GoingOn:
+def _continuation(step: Step, found: _Found | None, options: AnswerOptions) -> Continuation:
     sequence, batch = step.expected.sequence, step.expected.batch
     none = np.zeros(0, dtype=np.int64)
     if found is None or not step.settings.adapt:
-        return GoingOn(step.expected.frame, sequence, none)
+        return Continuation(step.expected.frame, sequence, none)
     again = none
     if step.settings.reprint if options.reprint is None else options.reprint:
         again = np.setdiff1d(sequence.struts[sequence.batch <= batch], np.flatnonzero(found.adapted.printed))
@@ -254,7 +254,7 @@ def _going_on(step: Step, found: _Found | None, options: AnswerOptions) -> Going
     seen = (*step.seen, Observation.of(batch, frame, found.fit.result.twin, before=step.before, struts=laid))
     adapted = _compensated(step, found, seen)
     # Where a strut is to be laid again from the plate, the plate has not moved.
-    return GoingOn(feet_on_plate(adapted, step.design, ~adapted.printed_vertices()), sequence, again, seen)
+    return Continuation(feet_on_plate(adapted, step.design, ~adapted.printed_vertices()), sequence, again, seen)
 
 
 def _compensated(step: Step, found: _Found, seen: Sequence[Observation]) -> Wireframe:
@@ -262,13 +262,13 @@ def _compensated(step: Step, found: _Found, seen: Sequence[Observation]) -> Wire
     if step.forecast is None:
         return found.adapted
     known = [one for one in seen if one.batch < len(step.forecast.drift)]  # struts may be laid again in one more
-    return compensate(found.adapted, step.design, step.forecast.to_come(known, step.expected.batch + 1))
+    return compensate(found.adapted, step.design, step.forecast.remaining_drift(known, step.expected.batch + 1))
 
 
-def _doubts(step: Step, found: _Found, going: GoingOn) -> list[Doubt]:
+def _doubts(step: Step, found: _Found, going: Continuation) -> list[Doubt]:
     expected, limits, twin = step.expected, step.settings.limits, found.fit.result.twin
     doubts = guards.doubts_of_twin(expected, twin, found.adapted, found.evidence, limits)
-    if any(doubt.kind in ASTRAY for doubt in doubts) and _shows_next_batch(step, found):
+    if any(doubt.kind in ALSO_OF_LATER_PICTURES for doubt in doubts) and _shows_next_batch(step, found):
         return [guards.too_early(expected)]
     if expected.batch + 1 < going.sequence.batch_count:
         doubts += guards.doubts_of_starts(going.adapted, twin, going.sequence, expected.batch + 1, limits)
@@ -289,7 +289,7 @@ def _shows_next_batch(step: Step, found: _Found) -> bool:
     return bool(absent < limits.elsewhere and mismatch < min(limits.mismatch, found.evidence.mismatch))
 
 
-def _write(stage: Path, step: Step, taken: BatchCapture | None, found: _Found | None, going: GoingOn) -> None:
+def _write(stage: Path, step: Step, taken: BatchCapture | None, found: _Found | None, going: Continuation) -> None:
     if taken is not None and found is not None:
         write_run(stage / files.RUN, found.fit.result, taken.capture)
     frame_json.write(stage / files.ADAPTED, going.adapted)
@@ -303,7 +303,7 @@ def _capture_content(taken: BatchCapture | None) -> dict[str, Any]:
     return {"capture": str(taken.capture.root), "pictures": taken.pictures}
 
 
-def _plan_content(step: Step, going: GoingOn) -> dict[str, Any]:
+def _plan_content(step: Step, going: Continuation) -> dict[str, Any]:
     """What was printed, what stands, and how far the plan is from the design; mm."""
     batch, frame, adapted = step.expected.batch, step.expected.frame, going.adapted
     standing = adapted.printed

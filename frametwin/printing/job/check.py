@@ -16,7 +16,7 @@ from frametwin.errors import InputError
 from frametwin.geometry import bezier
 from frametwin.printing.adaptation.anticipation import Anticipation
 from frametwin.printing.job import job_files as files
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.check import (
     UP,
@@ -71,7 +71,7 @@ class JobCheck:
         return {**vars(self), "fine": self.fine, "faults": faults}
 
 
-def check_job(job: Job, batch: int | None = None, progress: ProgressCallback | None = None) -> JobCheck:
+def check_job(job: PrintJob, batch: int | None = None, progress: ProgressCallback | None = None) -> JobCheck:
     """Check a job: the order of its design, and the waypoints of every batch that has some.
 
     What is found, by kind: ``"in the air"``, ``"left out"``, ``"collision"`` and ``"plate"`` of the order and of
@@ -118,7 +118,7 @@ def check_job(job: Job, batch: int | None = None, progress: ProgressCallback | N
 class _BatchCheck:
     """One batch: what stands before it, what is to be laid, and the way of the tool."""
 
-    job: Job
+    job: PrintJob
     batch: int
     nozzle: Nozzle
     sequence: PrintSequence
@@ -128,7 +128,7 @@ class _BatchCheck:
     pose_count: int = 0
 
     @classmethod
-    def build(cls, job: Job, batch: int, nozzle: Nozzle) -> _BatchCheck:
+    def build(cls, job: PrintJob, batch: int, nozzle: Nozzle) -> _BatchCheck:
         robot = job.settings.robot
         folder = job.batch_folder(batch) / files.WAYPOINTS
         paths = {

@@ -281,21 +281,21 @@ def doubts_of_starts(
 
 
 def starts_in_the_air(standing: Wireframe, sequence: PrintSequence, batch: int) -> np.ndarray:
-    """Struts of the batches from ``batch`` on that would start neither on the plate nor on anything laid before."""
-    held = standing.printed_vertices() | standing.grounded
+    """Find struts of the batches from ``batch`` on that would start neither on the plate nor on anything laid."""
+    there = standing.printed_vertices() | standing.grounded
     later = sequence.batch >= batch
     ends = sequence.end_in(standing)
     hanging = []
     for strut, start, end in zip(sequence.struts[later], sequence.start[later], ends[later], strict=True):
-        if held[start]:
-            held[end] = True
+        if there[start]:
+            there[end] = True
         else:
             hanging.append(int(strut))
     return np.array(hanging, dtype=np.int64)
 
 
 def _joints(adapted: Wireframe, twin: Twin, limits: GuardLimits) -> tuple[np.ndarray, np.ndarray]:
-    """(V,) joints at which a standing strut is seen, and those whose place the views tell."""
+    """Joints (V,) bool at which a standing strut is seen, and those whose place the views tell."""
     there, known = (np.zeros(adapted.vertex_count, dtype=bool) for _ in range(2))
     kernels = twin.opacity.shape[1]
     # Within a radius or two of a joint, its disc is what is seen, not the ends of the struts that meet there.

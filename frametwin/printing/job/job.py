@@ -38,8 +38,8 @@ from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.twin.runs import load_run
 
 
-class Busy(FrameTwinError):
-    """Another process is answering the job."""
+class JobBusy(FrameTwinError):
+    """Another process is answering the print job."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,13 @@ class BatchState:
     report: Mapping[str, Any] | None
 
 
-class Job:
+class PrintJob:
     """A print job on disk.
 
     Parameters
     ----------
     folder
-        As made by `Job.create`.
+        As made by `PrintJob.create`.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class Job:
         settings: JobSettings,
         notes: Mapping[str, Mapping[str, Any]] | None = None,
         overwrite: bool = False,
-    ) -> Job:
+    ) -> PrintJob:
         """Write a new job with the waypoints of its first batch, whole or not at all; ``notes`` are more files by name.
 
         Raises
@@ -230,13 +230,13 @@ class Job:
             If the pictures, or the twin found from them, are not such that one may print on; the job is as it was.
         InputError
             If the capture cannot be used, or the print is finished.
-        Busy
+        JobBusy
             If another process is at it.
         Cancelled
             If ``progress`` returns ``False``; the job is as it was.
         """
         with self._locked():
-            self._settle()
+            self._recover()
             batch = self.current
             if batch is None:
                 raise InputError.at(self.folder, "job", "is finished", "plan another job to print on")
@@ -255,10 +255,10 @@ class Job:
                 raise
         return self.report(batch)
 
-    def settle(self) -> None:
-        """Finish what a process that was killed has left undone; does nothing while another one is at it."""
-        with suppress(Busy, OSError), self._locked():
-            self._settle()
+    def recover(self) -> None:
+        """Finish what a process that was killed has left undone; does nothing while another one is at work."""
+        with suppress(JobBusy, OSError), self._locked():
+            self._recover()
 
     def _step(self, batch: int) -> Step:
         earlier = {k: self.report(k)["pictures"] for k in range(batch)}
@@ -303,7 +303,7 @@ class Job:
         if following.is_dir():
             os.rename(following, self.batch_folder(batch + 1))
 
-    def _settle(self) -> None:
+    def _recover(self) -> None:
         """Sweep what a killed process has left, and make the current batch's files if it did not come to that."""
         for rest in (self.folder / files.BATCHES).glob(".*.part"):
             shutil.rmtree(rest)
@@ -325,7 +325,7 @@ class Job:
             with self._lock.acquire(timeout=0):
                 yield
         except Timeout as error:
-            raise Busy(f"{self.folder}: another process is answering this job; wait for it, or end it.") from error
+            raise JobBusy(f"{self.folder}: another process is answering this job; wait for it, or end it.") from error
 
     @cached_property
     def _lock(self) -> FileLock:

@@ -32,8 +32,8 @@ class NextBatch:
         In which order.
     contact
         Touching printed struts has been accepted.
-    rate
-        (V, 3) mm by which the print is expected to move with each strut that is laid; see `drift_rate`.
+    rate : (V, 3) array, mm, optional
+        Drift that is expected of the joints with each strut that is laid; see `drift_rate`.
     """
 
     batch: int

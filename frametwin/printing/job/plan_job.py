@@ -12,7 +12,7 @@ import numpy as np
 from frametwin.files import PathLike
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.guards import GuardLimits
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
@@ -144,7 +144,7 @@ def plan_job(
     overwrite: bool = False,
     notes: Mapping[str, Mapping[str, Any]] | None = None,
     progress: ProgressCallback | None = None,
-) -> Job:
+) -> PrintJob:
     """Plan a print and write its job.
 
     Parameters
@@ -176,7 +176,7 @@ def plan_job(
     cut = order is None or options.batch_size is not None
     sequence = plan_order(frame, ordering, order, cut, progress)
     report(progress, Progress("writing", 0, 1))
-    return Job.create(folder, frame, sequence, settings, notes, overwrite)
+    return PrintJob.create(folder, frame, sequence, settings, notes, overwrite)
 
 
 def plan_order(

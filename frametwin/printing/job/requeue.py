@@ -1,4 +1,4 @@
-"""Lost struts put into the order once more."""
+"""Lost struts put into the order again."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from frametwin.printing.records.sequence import PrintSequence
 
 
 def laid_again(sequence: PrintSequence, struts: np.ndarray, batch: int) -> PrintSequence:
-    """The sequence with some struts taken to the start of the batch after ``batch``, or to one of their own at the end.
+    """Take some struts to the start of the batch after ``batch``, or to a batch of their own at the end.
 
     Parameters
     ----------
     sequence
         The order.
-    struts
-        (N,) of the batches up to ``batch``; their own order and axes stay.
+    struts : (N,) int64 array
+        Of the batches up to ``batch``; their own order and axes stay.
     batch
         The last one laid.
 

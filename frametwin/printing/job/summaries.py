@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from frametwin.printing.job.job import BatchState, Job
+from frametwin.printing.job.job import BatchState, PrintJob
 
 
-def plan_summary(job: Job) -> dict[str, Any]:
+def plan_summary(job: PrintJob) -> dict[str, Any]:
     """What was planned, as for a JSON file."""
     summary = job.waypoint_summary(0)
     workspace = job.settings.robot.workspace
@@ -22,7 +22,7 @@ def plan_summary(job: Job) -> dict[str, Any]:
     }
 
 
-def answer_summary(job: Job, report: dict[str, Any]) -> dict[str, Any]:
+def answer_summary(job: PrintJob, report: dict[str, Any]) -> dict[str, Any]:
     """An answer, as for programs."""
     following = job.current
     ahead = None if following is None else {"batch": following, **job.waypoint_summary(following)}
@@ -35,7 +35,7 @@ def answer_summary(job: Job, report: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def status_summary(job: Job) -> dict[str, Any]:
+def status_summary(job: PrintJob) -> dict[str, Any]:
     """The state of a job, as for a JSON file."""
     current = job.current
     return {
@@ -49,7 +49,7 @@ def status_summary(job: Job) -> dict[str, Any]:
     }
 
 
-def _batch_summary(job: Job, state: BatchState) -> dict[str, Any]:
+def _batch_summary(job: PrintJob, state: BatchState) -> dict[str, Any]:
     data: dict[str, Any] = {"batch": state.batch, "struts": state.struts, "state": state.state}
     if state.report is not None:
         kept = ("standing", "lost", "again", "e_max", "accepted", "capture", "seconds")
@@ -61,7 +61,7 @@ def _batch_summary(job: Job, state: BatchState) -> dict[str, Any]:
     return data
 
 
-def what_next(job: Job) -> str:
+def what_next(job: PrintJob) -> str:
     """What to do, in a sentence."""
     batch = job.current
     if batch is None:

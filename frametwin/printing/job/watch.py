@@ -11,7 +11,7 @@ from typing import Any
 from frametwin.errors import Held, InputError
 from frametwin.files import PathLike, file_hash, read_json
 from frametwin.printing.job.answer import AnswerOptions
-from frametwin.printing.job.job import Busy, Job
+from frametwin.printing.job.job import JobBusy, PrintJob
 from frametwin.progress import Progress, ProgressCallback, report
 
 POLL = 0.5
@@ -40,7 +40,7 @@ class Watch:
         Seconds between looks.
     """
 
-    job: Job
+    job: PrintJob
     captures: Path
     options: AnswerOptions = field(default_factory=AnswerOptions)
     say: Callable[[str], None] = lambda sentence: None
@@ -56,7 +56,7 @@ class Watch:
     def run(self) -> list[dict[str, Any]]:
         """Answer until the job is finished.
 
-        A folder that cannot be used, or with which the job holds, is told of and passed over until something in it
+        A folder that cannot be used, or for which the job is held, is told of and passed over until something in it
         changes or its turn comes with another batch; nothing is printed on meanwhile.
 
         Returns
@@ -71,7 +71,7 @@ class Watch:
             If ``progress`` returns ``False``.
         """
         check_captures_folder(self.captures)
-        self.job.settle()
+        self.job.recover()
         reports = []
         while (batch := self.job.current) is not None:
             total = self.job.sequence.batch_count
@@ -96,7 +96,7 @@ class Watch:
             self._refused[folder.name] = (batch, signature)
             self._tell(f"{error} Not printing on.")
             return None
-        except Busy as error:
+        except JobBusy as error:
             self._tell(str(error))
             time.sleep(self.poll)
             return None

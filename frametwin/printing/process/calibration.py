@@ -15,18 +15,19 @@ LEAST_FLOW = 1e-4
 
 
 def own_weight(frame: Wireframe, settings: PrintSettings) -> np.ndarray:
-    """(E,) N/mm as the material has it."""
+    """(E,) array, N/mm: weight of each strut as the material has it."""
     return settings.material.weight * np.pi * frame.radius**2
 
 
 DOWN = np.array([[0.0, 0.0, -1.0]])
+"""Gravity alone, as directions of load for `linear_drift`."""
 
 
 def weight_scale(design: Wireframe, sequence: PrintSequence, settings: PrintSettings) -> float:
-    """The factor on the weight with which a print sags as ``settings.sag`` says; 1 if that is ``None``.
+    """Find the factor on the weight with which a print sags as ``settings.sag`` says; 1 if that is ``None``.
 
-    By the linear analysis of a print of the design in which every strut attaches and nothing is left to chance:
-    it is found once for a frame and a sequence, and is the same for every seed and every plan.
+    By the linear analysis of a print of the design in which every strut attaches and nothing varies: it is found once
+    for a frame and a sequence, and is the same for every seed and every plan.
     """
     if settings.sag is None:
         return 1.0
@@ -35,24 +36,25 @@ def weight_scale(design: Wireframe, sequence: PrintSequence, settings: PrintSett
     return settings.sag * design.extent / furthest if furthest > 0.0 else 1.0
 
 
-def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSettings, pulls: np.ndarray) -> np.ndarray:
-    """How far each joint drifts in each batch of a print of the design in which every strut attaches.
+def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSettings, loads: np.ndarray) -> np.ndarray:
+    """Find how far each joint drifts in each batch of a print of the design in which every strut attaches.
 
     Parameters
     ----------
     design, sequence, settings
         The print.
-    pulls
-        (K, 3) loads on the struts, as multiples of the weight that the material has; each acts alone.
+    loads : (K, 3) array
+        Loads on the struts, as multiples of their weight; each acts alone.
 
     Returns
     -------
-    (B, V, 3, K) mm, zero for joints that are not there yet.
+    (B, V, 3, K) array, mm
+        0 for joints that are not there yet.
     """
     seconds = float(np.mean(settings.seconds))
     laid = np.zeros(design.strut_count, dtype=bool)
     laid_at = np.zeros(design.strut_count)
-    drift = np.zeros((sequence.batch_count, design.vertex_count, 3, len(pulls)))
+    drift = np.zeros((sequence.batch_count, design.vertex_count, 3, len(loads)))
     clock = 0.0
     for batch in range(sequence.batch_count):
         groups = np.array_split(sequence.struts[sequence.batch == batch], settings.increments)
@@ -62,12 +64,12 @@ def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSett
             clock += seconds * len(group) + (settings.pause if number == len(groups) else 0.0)
             stiffness = np.ones(design.strut_count)
             stiffness[laid] = stiffness_between(settings, laid_at[laid], before, clock)
-            drift[batch] += _creep(design.replace(printed=laid), stiffness, pulls, settings)
+            drift[batch] += _creep(design.replace(printed=laid), stiffness, loads, settings)
     return drift
 
 
-def _creep(frame: Wireframe, stiffness: np.ndarray, pulls: np.ndarray, settings: PrintSettings) -> np.ndarray:
-    """(V, 3, K) mm that the joints of the printed struts move, for each of the pulls (K, 3)."""
+def _creep(frame: Wireframe, stiffness: np.ndarray, loads: np.ndarray, settings: PrintSettings) -> np.ndarray:
+    """(V, 3, K) array, mm: how far the joints of the printed struts move under each of the loads (K, 3)."""
     weight, axial = own_weight(frame, settings), settings.axial * stiffness
     parts = [
         FrameBeams.build(
@@ -75,35 +77,40 @@ def _creep(frame: Wireframe, stiffness: np.ndarray, pulls: np.ndarray, settings:
             stiffness,
             axial_scale=axial,
             material=settings.material,
-            load=weight[:, None] * pull,
+            load=weight[:, None] * load,
             pieces=settings.pieces,
         )
-        for pull in pulls
+        for load in loads
     ]
     matrix = parts[0].stiffness()
     free = np.repeat(~frame.grounded, 6) & (matrix.diagonal() > 0.0)
-    moved = np.zeros((6 * frame.vertex_count, len(pulls)))
+    moved = np.zeros((6 * frame.vertex_count, len(loads)))
     if free.any():
-        loads = np.stack([part.loads().ravel() for part in parts], axis=1)
-        moved[free] = factorise(matrix[free][:, free].tocsc()).solve(loads[free])
+        forces = np.stack([part.loads().ravel() for part in parts], axis=1)
+        moved[free] = factorise(matrix[free][:, free].tocsc()).solve(forces[free])
     return moved.reshape(frame.vertex_count, 6, -1)[:, :3]
 
 
 def stiffness_between(
     settings: PrintSettings, laid_at: np.ndarray, before: float, now: float, speed: np.ndarray | float = 1.0
 ) -> np.ndarray:
-    """(N,) stiffness, relative to the hardened material, of beams that bend as far as struts flow in some time.
+    """Find the stiffness of beams that bend as far as struts flow in some time.
 
     Parameters
     ----------
     settings
         See `PrintSettings`.
-    laid_at
-        (N,) when the struts were laid, in s.
-    before, now
+    laid_at : (N,) array, s
+        When the struts were laid.
+    before, now : float, s
         From when to when they flow.
-    speed
-        See `Chance`.
+    speed : (N,) array or float
+        How fast each flows, relative to what is expected; see `ProcessVariation`.
+
+    Returns
+    -------
+    (N,) array
+        Relative to the hardened material.
     """
     flowed = speed * settings.flowed(np.maximum(before - laid_at, 0.0), np.maximum(now - laid_at, 0.0))
     stiffness: np.ndarray = 1.0 / np.maximum(flowed, LEAST_FLOW * settings.flow)

@@ -1,4 +1,4 @@
-"""What a simulated print is made of: how fast struts flow when laid, how they harden, and what is left to chance.
+"""What a simulated print is made of: how fast struts flow when laid, how they harden, and what varies at random.
 
 By the analogy of Stokes and Rayleigh, a slow viscous thread moves as fast as an elastic beam of the same section would
 be bent far (M. Bergou, B. Audoly et al., "Discrete viscous threads", ACM TOG 29(4), 2010), so the beams of
@@ -39,7 +39,7 @@ class PrintSettings:
     uneven
         Standard deviation of the logarithm of how fast a strut flows, from strut to strut.
     axial
-        Stiffness along a strut relative to that of its solid section: it is held by two beads that are squashed
+        Stiffness along a strut relative to that of its solid section: it hangs on two beads that are squashed
         and drawn out.
     lean
         Sideways pull as a share of the weight, in one direction for the whole print, drawn by the seed: what
@@ -108,19 +108,19 @@ class PrintSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Chance:
-    """What the seed decides, drawn before the first strut is laid, so that no plan can change it.
+class ProcessVariation:
+    """Random variation of the process, drawn by the seed before the first strut is laid, so that no plan can change it.
 
     Attributes
     ----------
-    speed
-        (E,) how fast each strut flows, relative to what is expected.
-    pull
-        (E, 3) direction of the load on each strut, as a multiple of its weight.
-    placement
-        (E, 2, 3) how far the nozzle is off at start and end, as a multiple of the bead.
-    seconds
-        (E,) that each strut takes.
+    speed : (E,) array
+        How fast each strut flows, relative to what is expected.
+    pull : (E, 3) array
+        Load on each strut, as a multiple of its weight.
+    placement : (E, 2, 3) array
+        How far the nozzle is off at start and end, as a multiple of the bead.
+    seconds : (E,) array, s
+        Time that each strut takes.
     """
 
     speed: np.ndarray
@@ -129,7 +129,7 @@ class Chance:
     seconds: np.ndarray
 
     @classmethod
-    def draw(cls, struts: int, settings: PrintSettings, seed: int) -> Chance:
+    def draw(cls, struts: int, settings: PrintSettings, seed: int) -> ProcessVariation:
         """Draw for a frame of so many struts.
 
         Raises

@@ -1,4 +1,4 @@
-"""One increment of a print's deformation."""
+"""Settling: how a print deforms under its weight while its struts harden, in one increment of time."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ SAMPLES = 10
 
 
 def settled(frame: Wireframe, stiffness: np.ndarray, load: np.ndarray, settings: PrintSettings) -> Wireframe:
-    """The frame after some time under a load; its shape before is free of stress, as befits what flows.
+    """Deform a frame as it settles for some time under a load; what flows is free of stress in its shape before.
 
     Parameters
     ----------
     frame
         What stands, all of it printed and connected to a grounded joint.
-    stiffness
-        (E,) of the struts relative to the hardened material (see `calibration.stiffness_between`).
-    load
-        (E, 3) even load in N/mm.
+    stiffness : (E,) array
+        Of the struts, relative to the hardened material (see `calibration.stiffness_between`).
+    load : (E, 3) array, N/mm
+        Spread evenly along each strut.
     settings
         See `PrintSettings`.
     """
@@ -43,7 +43,16 @@ def settled(frame: Wireframe, stiffness: np.ndarray, load: np.ndarray, settings:
 
 
 def bent_ends(control_points: np.ndarray) -> np.ndarray:
-    """(N, 2) angles in degrees between each curve's ends and its chord."""
+    """Find the angles between each curve's ends and its chord.
+
+    Parameters
+    ----------
+    control_points : (N, 4, 3) array, mm
+
+    Returns
+    -------
+    (N, 2) array, degrees
+    """
     chord = control_points[:, 3] - control_points[:, 0]
     ends = control_points[:, [1, 3]] - control_points[:, [0, 2]]  # (N, 2, 3)
     across = np.linalg.norm(np.cross(ends, chord[:, None]), axis=2)

@@ -33,13 +33,13 @@ class BatchHistory:
         What stood afterwards, ``printed`` marking it: of a simulation the real geometry, else the twin.
     adapted
         The plan for what follows, ``printed`` marking what stands.
-    laid
-        (N,) struts of the batch.
-    missed
-        (M,) those of them that would have been begun beside the material had they been laid as designed: further from
-        it than a bead, which is the strut's diameter.
-    lost
-        (L,) struts laid so far that do not stand.
+    laid : (N,) int64 array
+        Struts of the batch.
+    missed : (M,) int64 array
+        Those of them that would have been begun beside the material had they been laid as designed: further from it
+        than a bead, which is the strut's diameter.
+    lost : (L,) int64 array
+        Struts laid so far that do not stand.
     collapsed
         Whether the print has collapsed, where that is known.
     """
@@ -72,7 +72,7 @@ class PrintHistory:
 
 
 def joint_displacement(design: Wireframe, standing: Wireframe) -> np.ndarray:
-    """(V,) how far the joints of what stands are from the design in mm; 0 where nothing stands."""
+    """Find how far the joints of what stands are from the design: (V,) in mm, 0 where nothing stands."""
     moved = np.linalg.norm(standing.vertices[: design.vertex_count] - design.vertices, axis=1)
     return np.where(standing.printed_vertices()[: design.vertex_count], moved, 0.0)
 

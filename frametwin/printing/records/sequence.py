@@ -1,4 +1,4 @@
-"""The order in which the struts of a frame are laid: which, from which end, with the tool held how, in which batch."""
+"""The order in which the struts of a frame are laid: which, from which end, with which tool axis, in which batch."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class PrintSequence:
 
     Attributes
     ----------
-    struts
-        (N,) int64 indices of the frame's struts; each at most once.
-    start
-        (N,) int64 vertex at which each strut is begun: one of its ends.
-    axis
-        (N, 3) unit vectors along the tool from the nozzle's tip upwards while each strut is laid.
-    batch
-        (N,) int64 rising from 0: the camera looks after the last strut of each.
+    struts : (N,) int64 array
+        Indices of the frame's struts; each at most once.
+    start : (N,) int64 array
+        Vertex at which each strut is begun: one of its ends.
+    axis : (N, 3) array
+        Unit vectors along the tool, from the nozzle's tip upwards, while each strut is laid.
+    batch : (N,) int64 array
+        Rising from 0: the cameras look after the last strut of each.
 
     Raises
     ------
@@ -82,7 +82,11 @@ class PrintSequence:
         )
 
     def end_in(self, frame: Wireframe) -> np.ndarray:
-        """(N,) the vertex at which each strut ends.
+        """Find the vertex at which each strut ends.
+
+        Returns
+        -------
+        (N,) int64 array
 
         Raises
         ------
@@ -100,13 +104,13 @@ class PrintSequence:
         return np.where(ends[:, 0] == self.start, ends[:, 1], ends[:, 0])
 
     def laid_before(self, batch: int, strut_count: int) -> np.ndarray:
-        """(E,) bool: the strut is laid in an earlier batch."""
+        """Mark the struts of a frame (E,) that are laid in an earlier batch."""
         mask = np.zeros(strut_count, dtype=bool)
         mask[self.struts[self.batch < batch]] = True
         return mask
 
     def directed_curves(self, frame: Wireframe) -> np.ndarray:
-        """(N, 4, 3) control points of the struts in their order, each from its start to its end, in mm."""
+        """Give control points (N, 4, 3) in mm of the struts in their order, each from its start to its end."""
         self.end_in(frame)
         curves = frame.control_points[self.struts]
         backwards = frame.edges[self.struts, 0] != self.start

@@ -1,1 +1,1 @@
-"""In which order a frame is printed, with which tool axis, without collisions and without loose struts."""
+"""In which order a frame is printed, with which tool axis, without collisions and on joints that are well supported."""

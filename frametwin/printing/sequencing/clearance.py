@@ -1,10 +1,10 @@
-"""Which struts the nozzle would hit while it lays another one, for every way of holding it.
+"""Which struts the nozzle would hit while it lays another one, for every tool orientation.
 
 While a straight piece of strut is laid with the tool's axis fixed, the vector from the tip to a point of another
 straight piece is affine in the two parameters, and the distance from it to a part of the nozzle changes by no more than
 it does. So one value in the middle of a cell of parameters bounds all of the cell: cells are halved till they are known
-to be free, to lie within the bead, or to hold a collision. What is undecided at the finest cells counts as a collision.
-Curved struts are cut into chords, and the bound on what lies between chord and curve is added to the rods' radius.
+to be free, to lie within the bead, or to contain a collision. What is undecided at the finest cells counts as one.
+Curved struts are cut into chords, and the bound on what lies between chord and curve is added to the radius.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ BLOCK = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Rods:
-    """The struts of a frame as chains of straight pieces.
+class StrutChords:
+    """The struts of a frame as chains of chords: straight pieces of rod.
 
     Attributes
     ----------
-    start, end
-        (P, 3) ends of the pieces, mm, in the order of the struts and along them.
-    first
-        (E + 1,) the pieces of strut k are ``first[k]`` to ``first[k + 1]``.
-    thickness
-        (E,) radius, and how far the curve may leave its pieces.
-    slack
-        (E,) the latter alone.
-    centre, reach
-        (E, 3) and (E,): a ball about each strut's centreline, with the slack.
+    start, end : (P, 3) array, mm
+        Ends of the chords, in the order of the struts and along them.
+    first : (E + 1,) int64 array
+        The chords of strut k are ``first[k]`` to ``first[k + 1]``.
+    thickness : (E,) array, mm
+        Radius of each strut, and how far its curve may leave the chords.
+    slack : (E,) array, mm
+        The latter alone.
+    centre, reach : (E, 3) and (E,) array, mm
+        Centre and radius of a ball about each strut's centreline, with the slack.
     """
 
     start: np.ndarray
@@ -60,8 +60,8 @@ class Rods:
     reach: np.ndarray
 
     @classmethod
-    def of(cls, control_points: np.ndarray, radius: np.ndarray) -> Rods:
-        """Cut curves (E, 4, 3) of ``radius`` (E,)."""
+    def of(cls, control_points: np.ndarray, radius: np.ndarray) -> StrutChords:
+        """Cut curves (E, 4, 3) of some radius (E,), all in mm."""
         counts = np.maximum(1, np.ceil(chords_needed(control_points, FLATNESS * radius))).astype(np.int64)
         first = np.concatenate([[0], np.cumsum(counts)])
         start, end = np.empty((first[-1], 3)), np.empty((first[-1], 3))
@@ -81,11 +81,24 @@ class Rods:
         return self.start, self.end, self.first, self.thickness, self.slack, self.centre, self.reach
 
 
-def joined_struts(frame: Wireframe, rods: Rods | None = None) -> np.ndarray:
-    """(E, E) bool: two struts share a joint, or run into each other as designed; never a strut and itself."""
-    rods = Rods.of(frame.control_points, frame.radius) if rods is None else rods
+def joined_struts(frame: Wireframe, chords: StrutChords | None = None) -> np.ndarray:
+    """Find pairs of struts that the design joins: they share a joint, or run into each other.
+
+    Parameters
+    ----------
+    frame
+        The design, or a plan.
+    chords
+        Of the frame, where they are known.
+
+    Returns
+    -------
+    (E, E) bool array
+        ``False`` on the diagonal.
+    """
+    chords = StrutChords.of(frame.control_points, frame.radius) if chords is None else chords
     joined = np.zeros((frame.strut_count,) * 2, dtype=bool)
-    mark_joined(frame.edges, frame.radius, rods.arrays, JOINED, joined)
+    mark_joined(frame.edges, frame.radius, chords.arrays, JOINED, joined)
     return joined
 
 
@@ -105,59 +118,60 @@ def collision_bits(
         The struts, at the places at which they are or will be.
     nozzle
         The tool.
-    axes
-        (D, 3) unit vectors, the ways of holding it.
-    wanted
-        (E, D) bool: which strut is to be looked at with which axis.
-    joined
-        (E, E) bool, see `joined_struts`: the nozzle may touch these within its bead.
+    axes : (D, 3) array
+        Unit vectors, its orientations.
+    wanted : (E, D) bool array
+        Which strut is to be looked at with which orientation.
+    joined : (E, E) bool array
+        See `joined_struts`: the nozzle may touch these within its bead.
     progress
         Called about every `BLOCK` struts.
 
     Returns
     -------
-    (E, D, W) uint64; bit ``j % 64`` of word ``j // 64`` tells that strut j is hit. Rows not wanted are zero.
+    (E, D, W) uint64 array
+        Bit ``j % 64`` of word ``j // 64`` tells that strut j is hit. Rows that are not wanted are zero.
     """
-    rods = Rods.of(frame.control_points, frame.radius)
+    chords = StrutChords.of(frame.control_points, frame.radius)
     bits = np.zeros((frame.strut_count, len(axes), (frame.strut_count + 63) // 64), dtype=np.uint64)
     settings = np.array([nozzle.bead, nozzle.clearance, FINEST * float(np.median(frame.radius))])
     for begin in range(0, frame.strut_count, BLOCK):
         report(progress, Progress("looking for collisions", begin, frame.strut_count))
         end = min(frame.strut_count, begin + BLOCK)
-        fill_bits(begin, end, rods.arrays, np.ascontiguousarray(axes), nozzle.profile, settings, wanted, joined, bits)
+        fill_bits(begin, end, chords.arrays, np.ascontiguousarray(axes), nozzle.profile, settings, wanted, joined, bits)
     return bits
 
 
 def struts_hit(
     frame: Wireframe, nozzle: Nozzle, struts: np.ndarray, axes: np.ndarray, before: np.ndarray, joined: np.ndarray
 ) -> np.ndarray:
-    """Find what is hit while some struts are laid, with axes of their own.
+    """Find what is hit while some struts are laid, each with tool orientations of its own.
 
     Parameters
     ----------
     frame, nozzle
         Where the struts are, and the tool.
-    struts
-        (N,) the struts to lay.
-    axes
-        (N, D, 3) ways of holding the tool for each.
-    before
-        (N, E) bool: what is there when it is laid.
-    joined
-        (N, E) bool: what it is joined to, see `joined_struts`.
+    struts : (N,) int64 array
+        The struts to lay.
+    axes : (N, D, 3) array
+        Unit vectors, orientations of the tool for each.
+    before : (N, E) bool array
+        What is there when it is laid.
+    joined : (N, E) bool array
+        What it is joined to, see `joined_struts`.
 
     Returns
     -------
-    (N, D, E) bool.
+    (N, D, E) bool array
     """
-    rods = Rods.of(frame.control_points, frame.radius)
+    chords = StrutChords.of(frame.control_points, frame.radius)
     hits = np.zeros((len(struts), axes.shape[1], frame.strut_count), dtype=bool)
     settings = np.array([nozzle.bead, nozzle.clearance, FINEST * float(np.median(frame.radius))])
-    fill_hits(struts, rods.arrays, np.ascontiguousarray(axes), nozzle.profile, settings, before, joined, hits)
+    fill_hits(struts, chords.arrays, np.ascontiguousarray(axes), nozzle.profile, settings, before, joined, hits)
     return hits
 
 
-def hit_struts(bits: np.ndarray, count: int) -> np.ndarray:
-    """(..., count) bool from the words (..., W) of `collision_bits`."""
+def unpacked_hits(bits: np.ndarray, count: int) -> np.ndarray:
+    """Unpack the words (..., W) of `collision_bits` into a bool array (..., count), one value a strut."""
     words = np.ascontiguousarray(bits).astype("<u8").view(np.uint8)
     return np.unpackbits(words, axis=-1, bitorder="little")[..., :count].astype(bool)

@@ -1,4 +1,4 @@
-"""The directions in which the tool may be held: rings about the vertical."""
+"""The directions that the tool's axis may take: rings about the vertical."""
 
 from __future__ import annotations
 
@@ -10,7 +10,20 @@ SPACING = np.radians(15.0)
 
 
 def tool_directions(max_tilt: float, spacing: float = SPACING) -> np.ndarray:
-    """(D, 3) unit vectors from the vertical, the first, to ``max_tilt`` radians from it, about ``spacing`` apart."""
+    """Spread directions of the tool's axis over a cap about the vertical.
+
+    Parameters
+    ----------
+    max_tilt : float, rad
+        Largest angle from the vertical.
+    spacing : float, rad
+        Angle between neighbours, about.
+
+    Returns
+    -------
+    (D, 3) array
+        Unit vectors from the tip upwards, the vertical one first.
+    """
     rings = [np.array([[0.0, 0.0, 1.0]])]
     count = int(np.floor(max_tilt / spacing + 1e-9))
     tilts = [spacing * (k + 1) for k in range(count)]
@@ -25,7 +38,20 @@ def tool_directions(max_tilt: float, spacing: float = SPACING) -> np.ndarray:
 
 
 def neighbours(directions: np.ndarray, spacing: float = SPACING) -> np.ndarray:
-    """(D, D) bool: two directions are next to each other."""
+    """Find directions that are next to each other.
+
+    Parameters
+    ----------
+    directions : (D, 3) array
+        Unit vectors.
+    spacing : float, rad
+        As they were spread with.
+
+    Returns
+    -------
+    (D, D) bool array
+        ``False`` on the diagonal.
+    """
     reach = 2.0 * np.sin(0.5 * 1.3 * spacing)
     near = np.zeros((len(directions),) * 2, dtype=bool)
     for i, found in enumerate(cKDTree(directions).query_ball_point(directions, reach)):

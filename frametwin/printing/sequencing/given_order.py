@@ -26,15 +26,15 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.records.sequence_file import FORMAT, parse_sequence
 from frametwin.printing.sequencing.batches import split_batches
-from frametwin.printing.sequencing.clearance import hit_struts
+from frametwin.printing.sequencing.clearance import unpacked_hits
 from frametwin.printing.sequencing.reachability import OrderSettings
-from frametwin.printing.sequencing.removal import Task
-from frametwin.printing.sequencing.removal_kernels import ROOM
-from frametwin.printing.sequencing.stability import looseness
+from frametwin.printing.sequencing.removal import SearchSpace
+from frametwin.printing.sequencing.removal_kernels import FREEDOM
+from frametwin.printing.sequencing.stability import total_compliance
 from frametwin.wording import having, listed
 
 SHOWN = 3
-"""Findings that a refusal tells."""
+"""Faults that a refusal tells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +43,12 @@ class GivenOrder:
 
     Attributes
     ----------
-    struts
-        (E,) all struts in their order; ``None`` where only the batches are given.
-    start
-        (E,) vertex at which each of ``struts`` begins; ``None`` where that is open.
-    batch
-        (E,) batch of each strut, by its number in the frame; ``None`` where that is open.
+    struts : (E,) int64 array, optional
+        All struts in their order; ``None`` where only the batches are given.
+    start : (E,) int64 array, optional
+        Vertex at which each of ``struts`` begins; ``None`` where that is open.
+    batch : (E,) int64 array, optional
+        Batch of each strut, by its number in the frame; ``None`` where that is open.
     source
         What to call the order in messages.
     """
@@ -89,7 +89,7 @@ class GivenOrder:
             raise InputError.at(self.source, "order", "a strut begins at a vertex that is not its own", remedy)
 
     def stage(self, frame: Wireframe) -> np.ndarray:
-        """(E,) batch of each strut, or zeros."""
+        """(E,) int64 array: batch of each strut, zeros where that is open."""
         return np.zeros(frame.strut_count, dtype=np.int64) if self.batch is None else self.batch
 
 
@@ -139,7 +139,7 @@ def order_of_sequence(sequence: PrintSequence, frame: Wireframe, source: str = "
     return GivenOrder(sequence.struts, sequence.start, batch, source)
 
 
-def honoured(frame: Wireframe, given: GivenOrder, task: Task, settings: OrderSettings) -> PrintSequence:
+def keep_order(frame: Wireframe, given: GivenOrder, space: SearchSpace, settings: OrderSettings) -> PrintSequence:
     """Keep a complete order; find the tool's axes, ends where they are open, and batches where they are open.
 
     Raises
@@ -149,53 +149,55 @@ def honoured(frame: Wireframe, given: GivenOrder, task: Task, settings: OrderSet
     """
     assert given.struts is not None
     printed, there = np.zeros(frame.strut_count, dtype=bool), frame.grounded.copy()
-    sides, axes, findings = [], [], []
+    begun, axes, faults = [], [], []
     for n, strut in enumerate(given.struts.tolist()):
-        open_sides = [0, 1] if given.start is None else [int(frame.edges[strut, 1] == given.start[n])]
-        standing = [side for side in open_sides if there[frame.edges[strut, side]]]
+        open_ends = [0, 1] if given.start is None else [int(frame.edges[strut, 1] == given.start[n])]
+        standing = [end for end in open_ends if there[frame.edges[strut, end]]]
         if not standing:
-            findings.append(f"{having([strut])} its start in the air")
-        side, axis, hits = _best_hold(task, strut, standing or open_sides, printed)
+            faults.append(f"{having([strut])} its start in the air")
+        end, axis, hits = _best_orientation(space, strut, standing or open_ends, printed)
         if axis < 0:
             raise InputError.at(
                 given.source, "order", f"{having([strut])} no direction for the tool", "allow more tilt"
             )
         if hits.any():
-            findings.append(f"strut {strut} cannot be laid without touching {listed(np.flatnonzero(hits))}")
-        sides.append(side)
+            faults.append(f"strut {strut} cannot be laid without touching {listed(np.flatnonzero(hits))}")
+        begun.append(end)
         axes.append(axis)
         printed[strut] = True
         there[frame.edges[strut]] = True
-    if findings and not settings.allow_contact:
-        shown = "; ".join(findings[:SHOWN]) + (f"; and {len(findings) - SHOWN} more" if len(findings) > SHOWN else "")
+    if faults and not settings.allow_contact:
+        shown = "; ".join(faults[:SHOWN]) + (f"; and {len(faults) - SHOWN} more" if len(faults) > SHOWN else "")
         raise InputError.at(
             given.source, "order", f"cannot be printed as it is: {shown}", "allow contact, or plan anew"
         )
     if given.batch is None:
-        batch = split_batches(looseness(frame, given.struts), settings.batch_size_for(frame))
+        batch = split_batches(total_compliance(frame, given.struts), settings.batch_size_for(frame))
     else:
         batch = np.cumsum(np.diff(given.batch[given.struts], prepend=given.batch[given.struts[0]]) != 0)
-    start = frame.edges[given.struts, sides]
+    start = frame.edges[given.struts, begun]
     return PrintSequence(given.struts, start, settings.axes[axes], batch, source=given.source)
 
 
-def _best_hold(task: Task, strut: int, sides: list[int], printed: np.ndarray) -> tuple[int, int, np.ndarray]:
-    """The side and the number of the axis with the fewest hits, the cheapest of those, and (E,) what is hit."""
-    hit = hit_struts(task.bits[strut], len(printed)) & printed  # (D, E)
+def _best_orientation(
+    space: SearchSpace, strut: int, ends: list[int], printed: np.ndarray
+) -> tuple[int, int, np.ndarray]:
+    """The end to begin at and the orientation with the fewest hits, of those the cheapest; and what is hit (E,)."""
+    hit = unpacked_hits(space.bits[strut], len(printed)) & printed  # (D, E)
     best: tuple[float, float, int, int] | None = None
-    for side in sides:
-        allowed = task.allowed[strut, :, side]
+    for end in ends:
+        allowed = space.allowed[strut, :, end]
         if not allowed.any():
             continue
         counts = np.where(allowed, hit.sum(axis=1), np.iinfo(np.int64).max)
         least = counts == counts.min()
-        room = (task.near & least).sum(axis=1) / np.maximum(1, task.near.sum(axis=1))
-        costs = np.where(least, task.cost[strut, :, side] - ROOM * room, np.inf)
+        free = (space.near & least).sum(axis=1) / np.maximum(1, space.near.sum(axis=1))
+        costs = np.where(least, space.cost[strut, :, end] - FREEDOM * free, np.inf)
         axis = int(np.argmin(costs))
-        choice = (float(counts.min()), float(costs[axis]), side, axis)
+        choice = (float(counts.min()), float(costs[axis]), end, axis)
         best = choice if best is None else min(best, choice)
     if best is None:
-        return sides[0], -1, np.zeros(len(printed), dtype=bool)
+        return ends[0], -1, np.zeros(len(printed), dtype=bool)
     return best[2], best[3], hit[best[3]]
 
 

@@ -106,7 +106,7 @@ class Nozzle:
         return cls(**{**values, **sizes})
 
     def long_enough(self, frame: Wireframe) -> Nozzle:
-        """This nozzle with a body that towers above ``frame``, as the arm that holds it would.
+        """This nozzle with a body that towers above ``frame``, as the arm that carries it would.
 
         What such a tool misses, it also misses when it is drawn back along its axis.
         """
@@ -119,21 +119,41 @@ class Nozzle:
 
     @property
     def profile(self) -> np.ndarray:
-        """(2, 4): lower and upper end and the radii there, of the cone and of the body; both are convex."""
+        """(2, 4) array, mm: lower and upper end and the radii there, of the cone and of the body; both are convex."""
         low = [0.0, self.cone_length, self.tip_radius, self.cone_radius]
         return np.array([low, [self.cone_length, self.length, self.body_radius, self.body_radius]])
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance (...) of points (..., 3) from the surface, the tip at 0 and the axis along z; inside below 0.
+        """Find the distance of points from the surface, the tip being at the origin and the axis along z.
 
-        Exact outside and for the depth below the nearest face of the deeper of the two parts inside.
+        Parameters
+        ----------
+        points : (..., 3) array, mm
+
+        Returns
+        -------
+        (...) array, mm
+            Below 0 inside. Exact outside; inside, the depth below the nearest face of the deeper of the two parts.
         """
         points = np.asarray(points, dtype=np.float64)
         rho, height = np.hypot(points[..., 0], points[..., 1]), points[..., 2]
         return np.minimum(*(_frustum_distance(rho, height, *part) for part in self.profile))
 
     def lowest(self, normal: np.ndarray, axes: np.ndarray) -> np.ndarray:
-        """Least extent (...) of the nozzle along ``normal`` from its tip, with its axis along ``axes`` (..., 3)."""
+        """Find how far the nozzle reaches against a direction, from its tip.
+
+        Parameters
+        ----------
+        normal : (3,) array
+            Unit vector of the direction.
+        axes : (..., 3) array
+            Unit vectors along the tool, from the tip upwards.
+
+        Returns
+        -------
+        (...) array, mm
+            Least coordinate along ``normal`` of any point of the nozzle; 0 is that of the tip.
+        """
         along = np.asarray(axes, dtype=np.float64) @ np.asarray(normal, dtype=np.float64)
         across = np.sqrt(np.maximum(0.0, 1.0 - along**2))
         rims = [(part[end], part[2 + end]) for part in self.profile for end in (0, 1)]

@@ -1,4 +1,4 @@
-"""Compiled loops of the nozzle beside rods: distances, cells of parameters, tables of hits.
+"""Compiled loops of the nozzle beside chords: distances, cells of parameters, tables of hits.
 
 Helpers and constants are in this file too, and nowhere else: numba keeps machine code until the file of the function
 that is called changes, and would not notice an edit elsewhere (``tests/test_compiled_code.py`` sees to it).
@@ -75,10 +75,10 @@ def _piece_hits(
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _strut_hits(i: int, j: int, rods: tuple, axis: np.ndarray, profile: np.ndarray, room: np.ndarray) -> bool:
-    """True if the nozzle hits strut j while it lays strut i; ``room``: bead, clearance and finest cell."""
-    start, end, first, thickness, slack, centre, reach = rods
-    radius = thickness[j] + slack[i] + room[1]
+def _strut_hits(i: int, j: int, chords: tuple, axis: np.ndarray, profile: np.ndarray, margin: np.ndarray) -> bool:
+    """True if the nozzle hits strut j while it lays strut i; ``margin``: bead, clearance and finest cell."""
+    start, end, first, thickness, slack, centre, reach = chords
+    radius = thickness[j] + slack[i] + margin[1]
     between = centre[j] - centre[i]
     height = (between * axis).sum()
     rho = np.sqrt(max(0.0, (between**2).sum() - height * height))
@@ -88,13 +88,13 @@ def _strut_hits(i: int, j: int, rods: tuple, axis: np.ndarray, profile: np.ndarr
         for p in range(first[i], first[i + 1]):
             for q in range(first[j], first[j + 1]):
                 laid, other, offset = end[p] - start[p], end[q] - start[q], start[q] - start[p]
-                if _piece_hits(offset, laid, other, axis, profile[k], radius, room[0], room[2]):
+                if _piece_hits(offset, laid, other, axis, profile[k], radius, margin[0], margin[2]):
                     return True
     return False
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
-def fill_bits(begin, end, rods, axes, profile, settings, wanted, joined, bits):  # type: ignore[no-untyped-def]
+def fill_bits(begin, end, chords, axes, profile, settings, wanted, joined, bits):  # type: ignore[no-untyped-def]
     for i in nb.prange(begin, end):
         with_bead = settings.copy()
         without = settings.copy()
@@ -102,13 +102,13 @@ def fill_bits(begin, end, rods, axes, profile, settings, wanted, joined, bits): 
         for d in range(axes.shape[0]):
             if wanted[i, d]:
                 for j in range(joined.shape[0]):
-                    room = with_bead if joined[i, j] else without
-                    if j != i and _strut_hits(i, j, rods, axes[d], profile, room):
+                    margin = with_bead if joined[i, j] else without
+                    if j != i and _strut_hits(i, j, chords, axes[d], profile, margin):
                         bits[i, d, j // 64] |= np.uint64(1) << np.uint64(j % 64)
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
-def fill_hits(struts, rods, axes, profile, settings, before, joined, hits):  # type: ignore[no-untyped-def]
+def fill_hits(struts, chords, axes, profile, settings, before, joined, hits):  # type: ignore[no-untyped-def]
     for n in nb.prange(len(struts)):
         with_bead = settings.copy()
         without = settings.copy()
@@ -116,12 +116,12 @@ def fill_hits(struts, rods, axes, profile, settings, before, joined, hits):  # t
         for d in range(axes.shape[1]):
             for j in range(before.shape[1]):
                 if before[n, j] and j != struts[n]:
-                    room = with_bead if joined[n, j] else without
-                    hits[n, d, j] = _strut_hits(struts[n], j, rods, axes[n, d], profile, room)
+                    margin = with_bead if joined[n, j] else without
+                    hits[n, d, j] = _strut_hits(struts[n], j, chords, axes[n, d], profile, margin)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def spares_itself(points, room, axes, profile, bead):  # type: ignore[no-untyped-def]
+def spares_itself(points, margin, axes, profile, bead):  # type: ignore[no-untyped-def]
     """(n, D): no point of a strut (n, S, 3) is hit that lies further than the bead behind the tip."""
     result = np.ones((len(points), len(axes)), dtype=np.bool_)
     for n in range(len(points)):
@@ -137,7 +137,7 @@ def spares_itself(points, room, axes, profile, bead):  # type: ignore[no-untyped
                         break
                     rho = np.sqrt(max(0.0, square - height * height))
                     for k in range(len(profile)):
-                        if part_distance(rho, height, profile[k]) < room[n]:
+                        if part_distance(rho, height, profile[k]) < margin[n]:
                             result[n, d] = False
                             break
                 if not result[n, d]:
@@ -160,8 +160,8 @@ def _segment_distance(p: np.ndarray, d: np.ndarray, q: np.ndarray, e: np.ndarray
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
-def mark_joined(edges, radius, rods, factor, joined):  # type: ignore[no-untyped-def]
-    start, end, first, thickness, slack, centre, reach = rods
+def mark_joined(edges, radius, chords, factor, joined):  # type: ignore[no-untyped-def]
+    start, end, first, thickness, slack, centre, reach = chords
     for i in nb.prange(joined.shape[0]):
         for j in range(joined.shape[0]):
             if i == j:

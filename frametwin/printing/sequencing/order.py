@@ -2,7 +2,7 @@
 
 Every strut begins on the plate or on something printed, and the tool reaches it past all that is printed before. The
 search runs backwards, from the finished frame (`removal`); what it takes away next is high up and hangs on joints that
-are loose anyhow, so that a cantilever is supported soon after it was laid. A strut whose two ends are both on the
+are compliant anyhow, so that a cantilever is supported soon after it was laid. A strut whose two ends are both on the
 structure closes a cycle of the graph; how many do is the same in every order: struts less joints off the plate.
 """
 
@@ -14,11 +14,11 @@ from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.batches import split_batches
-from frametwin.printing.sequencing.clearance import hit_struts
-from frametwin.printing.sequencing.given_order import GivenOrder, honoured
-from frametwin.printing.sequencing.reachability import OrderSettings, task_of
-from frametwin.printing.sequencing.removal import Removal, Task, last_sides, remove_all
-from frametwin.printing.sequencing.stability import looseness
+from frametwin.printing.sequencing.clearance import unpacked_hits
+from frametwin.printing.sequencing.given_order import GivenOrder, keep_order
+from frametwin.printing.sequencing.reachability import OrderSettings, search_space
+from frametwin.printing.sequencing.removal import Removal, SearchSpace, removable_from, remove_all
+from frametwin.printing.sequencing.stability import total_compliance
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.wording import having, listed
 
@@ -31,7 +31,7 @@ def plan_sequence(
     given: GivenOrder | None = None,
     progress: ProgressCallback | None = None,
 ) -> PrintSequence:
-    """Find the order of all struts, the end at which each begins, the tool's axis, and the batches.
+    """Find the order of all struts, the end at which each begins, the tool's axis for each, and the batches.
 
     Parameters
     ----------
@@ -54,21 +54,26 @@ def plan_sequence(
     require_way_to_plate(frame)
     if given is not None:
         given.check(frame)
-    task = task_of(frame, settings, progress)
+    space = search_space(frame, settings, progress)
     if given is not None and given.is_complete:
-        return honoured(frame, given, task, settings)
+        return keep_order(frame, given, space, settings)
     stage = None if given is None else given.stage(frame)
-    removal = _search(frame, task, stage, settings, progress)
+    removal = _search(frame, space, stage, settings, progress)
     start = frame.edges[removal.struts, removal.start]
     if stage is None:
-        batch = split_batches(looseness(frame, removal.struts), settings.batch_size_for(frame))
+        batch = split_batches(total_compliance(frame, removal.struts), settings.batch_size_for(frame))
     else:
         batch = np.unique(stage[removal.struts], return_inverse=True)[1]
     return PrintSequence(removal.struts, start, settings.axes[removal.axis], batch, source=frame.name)
 
 
 def closing_struts(frame: Wireframe, sequence: PrintSequence) -> np.ndarray:
-    """(N,) bool: the strut ends where the structure stands already, so it closes a cycle.
+    """Find struts that end where the structure stands already, and so close a cycle of the graph.
+
+    Returns
+    -------
+    (N,) bool array
+        In the order of the sequence.
 
     Raises
     ------
@@ -102,7 +107,7 @@ def require_way_to_plate(frame: Wireframe) -> None:
 
 def _search(
     frame: Wireframe,
-    task: Task,
+    space: SearchSpace,
     stage: np.ndarray | None,
     settings: OrderSettings,
     progress: ProgressCallback | None,
@@ -111,38 +116,38 @@ def _search(
     best: Removal | None = None
     for attempt in range(settings.attempts):
         report(progress, Progress("ordering the struts", attempt, settings.attempts))
-        noise = None
+        perturbation = None
         if attempt:
             rng = np.random.default_rng(np.random.SeedSequence([settings.seed, attempt]))
-            noise = rng.normal(scale=float(attempt), size=frame.strut_count)
-        removal = remove_all(task, stage, noise=noise)
+            perturbation = rng.normal(scale=float(attempt), size=frame.strut_count)
+        removal = remove_all(space, stage, perturbation=perturbation)
         if not removal.remaining.any():
             return removal
         if best is None or removal.remaining.sum() < best.remaining.sum():
             best = removal
     assert best is not None  # attempts are at least one
     if not settings.allow_contact:
-        raise _stuck(frame, task, best, stage)
-    removal = remove_all(task, stage, tolerate=True)
+        raise _stuck(frame, space, best, stage)
+    removal = remove_all(space, stage, tolerate=True)
     if removal.remaining.any():
-        raise _stuck(frame, task, removal, stage)
+        raise _stuck(frame, space, removal, stage)
     return removal
 
 
-def _stuck(frame: Wireframe, task: Task, removal: Removal, stage: np.ndarray | None) -> InputError:
+def _stuck(frame: Wireframe, space: SearchSpace, removal: Removal, stage: np.ndarray | None) -> InputError:
     """Say which struts cannot be laid last of those that must stand before the others, and what is in the way."""
-    sides = last_sides(task, removal.remaining, stage)  # (E, 2)
-    candidates = np.flatnonzero(sides.any(axis=1))
-    usable = (task.allowed & sides[:, None, :]).any(axis=2)  # (E, D)
-    held = candidates[~usable[candidates].any(axis=1)]
+    ends = removable_from(space, removal.remaining, stage)  # (E, 2)
+    candidates = np.flatnonzero(ends.any(axis=1))
+    usable = (space.allowed & ends[:, None, :]).any(axis=2)  # (E, D)
+    barred = candidates[~usable[candidates].any(axis=1)]
     blocked = candidates[usable[candidates].any(axis=1)]
     problem = f"no order is found for {int(removal.remaining.sum())} of {frame.strut_count} struts"
-    if len(held):
-        problem += f": {having(held)} no direction from which the tool spares the plate and the strut's own beginning"
+    if len(barred):
+        problem += f": {having(barred)} no direction from which the tool spares the plate and the strut's own beginning"
     if len(blocked):
         first = int(blocked[0])
         hits = np.where(usable[first], removal.hits[first], np.iinfo(np.int64).max)
-        ways = hit_struts(task.bits[first, int(np.argmin(hits))], frame.strut_count) & removal.remaining
+        ways = unpacked_hits(space.bits[first, int(np.argmin(hits))], frame.strut_count) & removal.remaining
         problem += (
             f": the tool would collide in every direction at {listed(blocked)} (strut {first}: "
             f"{int(usable[first].sum())} directions, the best one with {listed(np.flatnonzero(ways))})"

@@ -1,4 +1,4 @@
-"""How a frame is to be printed, and what the tool can reach in which way, past what."""
+"""How a frame is to be printed, and what the tool can reach with which orientation, past what."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.sequencing.batches import default_batch_size
 from frametwin.printing.sequencing.clearance import collision_bits, joined_struts
 from frametwin.printing.sequencing.directions import neighbours, tool_directions
-from frametwin.printing.sequencing.holds import allowed_holds, hold_costs
 from frametwin.printing.sequencing.nozzle import Nozzle
-from frametwin.printing.sequencing.removal import Task
+from frametwin.printing.sequencing.removal import SearchSpace
+from frametwin.printing.sequencing.tool_orientation import allowed_orientations, orientation_costs
 from frametwin.progress import ProgressCallback
 from frametwin.ranges import Seed, Tilt, at_least, check_settings, within
 
@@ -69,12 +69,12 @@ class OrderSettings:
 
     @property
     def axes(self) -> np.ndarray:
-        """(D, 3) the ways of holding the tool."""
+        """(D, 3) array of unit vectors: the tool orientations."""
         return tool_directions(math.radians(self.max_tilt_deg))
 
 
-def task_of(frame: Wireframe, settings: OrderSettings, progress: ProgressCallback | None = None) -> Task:
-    """Look at every strut with every axis of ``settings`` beside every other strut.
+def search_space(frame: Wireframe, settings: OrderSettings, progress: ProgressCallback | None = None) -> SearchSpace:
+    """Look at every strut with every tool orientation beside every other strut.
 
     Raises
     ------
@@ -86,6 +86,6 @@ def task_of(frame: Wireframe, settings: OrderSettings, progress: ProgressCallbac
     if size > LARGEST_TABLE:
         problem = f"{frame.strut_count} struts in {len(axes)} directions need {size / 2**30:.0f} GB"
         raise InputError.at(frame.name, "edges", problem, "allow less tilt, or print the frame in parts")
-    allowed = allowed_holds(frame, nozzle, axes)
+    allowed = allowed_orientations(frame, nozzle, axes)
     bits = collision_bits(frame, nozzle, axes, allowed.any(axis=2), joined_struts(frame), progress)
-    return Task.of(frame, bits, allowed, hold_costs(frame, axes), neighbours(axes))
+    return SearchSpace.of(frame, bits, allowed, orientation_costs(frame, axes), neighbours(axes))

@@ -20,27 +20,27 @@ from frametwin.printing.sequencing.stability import end_stiffness
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
-    """What the search works on.
+class SearchSpace:
+    """What the search for an order chooses from: struts, tool orientations, and what each pair of them would hit.
 
     Attributes
     ----------
-    edges
-        (E, 2) joints.
-    grounded
-        (V,) bool.
-    bits
-        (E, D, W) see `frametwin.printing.sequencing.clearance.collision_bits`.
-    allowed
-        (E, D, 2) bool: strut, axis, begun at its first or its second end.
-    cost
-        (E, D, 2) of choosing them.
-    near
-        (D, D) bool: neighbouring directions.
-    height
-        (E,) way of the struts' further ends from the plate along the frame, in median lengths.
-    stiffness
-        (E, 3, 3) see `end_stiffness`.
+    edges : (E, 2) int64 array
+        Joints of each strut.
+    grounded : (V,) bool array
+        The joint is on the plate.
+    bits : (E, D, W) uint64 array
+        See `frametwin.printing.sequencing.clearance.collision_bits`.
+    allowed : (E, D, 2) bool array
+        Strut, tool orientation, and the end at which the strut is begun; see `allowed_orientations`.
+    cost : (E, D, 2) array
+        Of choosing them; see `orientation_costs`.
+    near : (D, D) bool array
+        Orientations that are next to each other.
+    height : (E,) array
+        Path along the frame from the plate to the strut's further end, in median strut lengths.
+    stiffness : (E, 3, 3) array
+        See `end_stiffness`.
     """
 
     edges: np.ndarray
@@ -53,20 +53,37 @@ class Task:
     stiffness: np.ndarray
 
     @classmethod
-    def of(cls, frame: Wireframe, bits: np.ndarray, allowed: np.ndarray, cost: np.ndarray, near: np.ndarray) -> Task:
-        """The task of a frame."""
-        way = way_from_plate(frame)[frame.edges]
+    def of(
+        cls, frame: Wireframe, bits: np.ndarray, allowed: np.ndarray, cost: np.ndarray, near: np.ndarray
+    ) -> SearchSpace:
+        """Take joints, heights and stiffness from a frame; the rest as in the attributes."""
+        way = path_length_from_plate(frame)[frame.edges]
         height = (way.max(axis=1) + 0.01 * way.min(axis=1)) / float(np.median(frame.lengths))
         return cls(frame.edges, frame.grounded, bits, allowed, cost, near, height, end_stiffness(frame))
 
 
-def last_sides(task: Task, present: np.ndarray, stage: np.ndarray | None = None) -> np.ndarray:
-    """(E, 2) bool: of the struts ``present``, this one may be laid last, begun at its first or its second end."""
-    ends, count = task.edges, len(task.grounded)
+def removable_from(space: SearchSpace, present: np.ndarray, stage: np.ndarray | None = None) -> np.ndarray:
+    """Find the struts that may be laid last: none of the others needs them to stand.
+
+    Parameters
+    ----------
+    space
+        What is chosen from.
+    present : (E,) bool array
+        The struts among which to choose.
+    stage : (E,) int64 array, optional
+        Only struts of the highest stage that is present may be last.
+
+    Returns
+    -------
+    (E, 2) bool array
+        The strut may be last, begun at its first or its second end.
+    """
+    ends, count = space.edges, len(space.grounded)
     degree = np.bincount(ends[present].ravel(), minlength=count)
-    free = (degree[ends] == 1) & ~task.grounded[ends]  # (E, 2)
+    free = (degree[ends] == 1) & ~space.grounded[ends]  # (E, 2)
     bridge = np.zeros(len(ends), dtype=bool)
-    bridges(ends, task.grounded, present, bridge)
+    bridges(ends, space.grounded, present, bridge)
     may = present & ~free.all(axis=1) & (~bridge | free.any(axis=1))
     if stage is not None and present.any():
         may &= stage == stage[present].max()
@@ -74,11 +91,16 @@ def last_sides(task: Task, present: np.ndarray, stage: np.ndarray | None = None)
     return result
 
 
-def way_from_plate(frame: Wireframe) -> np.ndarray:
-    """(V,) length of the shortest way along struts from the plate to each joint, mm; infinite where there is none.
+def path_length_from_plate(frame: Wireframe) -> np.ndarray:
+    """Find the length of the shortest path along struts from the plate to each joint.
 
     Built up in this order, arches grow from both feet and hanging parts after what they hang on; by mere height a thin
     chord spans the gap before anything braces it.
+
+    Returns
+    -------
+    (V,) array, mm
+        Infinite where there is no path.
     """
     ends = (frame.edges[:, 0], frame.edges[:, 1])
     graph = csr_matrix((frame.lengths, ends), shape=(frame.vertex_count,) * 2)
@@ -93,12 +115,12 @@ class Removal:
 
     Attributes
     ----------
-    struts, start, axis
-        (N,) in the order of laying: strut, which of its ends it begins at (0 or 1), number of the direction.
-    remaining
-        (E,) bool: struts that could not be taken away.
-    hits
-        (E, D) how many of the remaining struts each strut's tool would hit.
+    struts, start, axis : (N,) int64 array
+        In the order of laying: strut, the end at which it begins (0 or 1), number of the tool orientation.
+    remaining : (E,) bool array
+        Struts that could not be taken away.
+    hits : (E, D) int64 array
+        How many of the remaining struts each strut's tool would hit.
     """
 
     struts: np.ndarray
@@ -109,25 +131,35 @@ class Removal:
 
 
 def remove_all(
-    task: Task, stage: np.ndarray | None = None, tolerate: bool = False, noise: np.ndarray | None = None
+    space: SearchSpace, stage: np.ndarray | None = None, tolerate: bool = False, perturbation: np.ndarray | None = None
 ) -> Removal:
     """Take the struts away one by one until none is left or none can go.
 
     Parameters
     ----------
-    task
-        What to work on.
-    stage
-        (E,) a strut goes only when all of higher stages are gone; default no matter.
+    space
+        What is chosen from.
+    stage : (E,) int64 array, optional
+        A strut goes only when all of higher stages are gone.
     tolerate
         Where no strut can be reached freely, take the one whose tool hits the fewest others.
-    noise
-        (E,) added to the struts' heights: another order, where the first got stuck.
+    perturbation : (E,) array, optional
+        Added to the struts' heights: gives another order, where the first got stuck.
     """
-    height = task.height if noise is None else task.height + noise
-    order, start, axis = (np.full(len(task.edges), -1, dtype=np.int64) for _ in range(3))
-    stage = np.zeros(len(task.edges), dtype=np.int64) if stage is None else stage
-    remaining, hits = np.ones(len(task.edges), dtype=bool), np.zeros(task.bits.shape[:2], dtype=np.int64)
-    fields = (task.edges, task.grounded, task.bits, task.allowed, task.cost, task.near, height, task.stiffness, stage)
+    height = space.height if perturbation is None else space.height + perturbation
+    order, start, axis = (np.full(len(space.edges), -1, dtype=np.int64) for _ in range(3))
+    stage = np.zeros(len(space.edges), dtype=np.int64) if stage is None else stage
+    remaining, hits = np.ones(len(space.edges), dtype=bool), np.zeros(space.bits.shape[:2], dtype=np.int64)
+    fields = (
+        space.edges,
+        space.grounded,
+        space.bits,
+        space.allowed,
+        space.cost,
+        space.near,
+        height,
+        space.stiffness,
+        stage,
+    )
     count = remove(fields, tolerate, remaining, hits, (order, start, axis))
     return Removal(order[:count][::-1], start[:count][::-1], axis[:count][::-1], remaining, hits)

@@ -1,4 +1,4 @@
-"""How well joints are held while a frame is built: a local measure for the planner, the beam model as judge."""
+"""How well joints are supported while a frame is built: a local compliance for the planner, the beam model as judge."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ import numpy as np
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.stiffness import FrameBeams
 from frametwin.printing.records.sequence import PrintSequence
-from frametwin.printing.sequencing.removal_kernels import summed_flexibility
+from frametwin.printing.sequencing.removal_kernels import summed_compliance
 
 
 def end_stiffness(frame: Wireframe) -> np.ndarray:
-    """(E, 3, 3) stiffness of each strut's end against displacements while its other end is clamped.
+    """Find the stiffness of each strut's end against displacements while its other end is clamped.
 
-    Along the strut E A / L, across it that of a cantilever, 3 E I / L^3, for round rods; in units of the stiffness of a
-    cantilever of median length and radius, so that Young's modulus plays no part.
+    Along the strut E A / L, across it that of a cantilever, 3 E I / L^3, for round rods.
+
+    Returns
+    -------
+    (E, 3, 3) array
+        In units of the stiffness of a cantilever of median length and radius, so that Young's modulus plays no part.
     """
     chord = frame.control_points[:, 3] - frame.control_points[:, 0]
     length = np.linalg.norm(chord, axis=1)
@@ -27,17 +31,32 @@ def end_stiffness(frame: Wireframe) -> np.ndarray:
     return result
 
 
-def looseness(frame: Wireframe, struts: np.ndarray) -> np.ndarray:
-    """(N,) sum of the joints' flexibility after each of ``struts`` (N,) was laid, grounded joints left out.
+def total_compliance(frame: Wireframe, struts: np.ndarray) -> np.ndarray:
+    """Find how compliant the print is after each strut: the sum over its joints that are not on the plate.
 
     A joint at the end of a cantilever of median length counts 1, one on two struts about a half, one that three struts
-    hold in three directions next to nothing.
+    support in three directions next to nothing.
+
+    Parameters
+    ----------
+    frame
+        The design.
+    struts : (N,) int64 array
+        In the order in which they are laid.
+
+    Returns
+    -------
+    (N,) array
     """
-    return summed_flexibility(frame.edges, frame.grounded, end_stiffness(frame), struts)
+    return summed_compliance(frame.edges, frame.grounded, end_stiffness(frame), struts)
 
 
 def batch_sag(frame: Wireframe, sequence: PrintSequence) -> np.ndarray:
-    """(B,) largest displacement of a joint in mm under the hardened struts' own weight, after each batch (beam model).
+    """Find the largest displacement of a joint under the hardened struts' own weight after each batch (beam model).
+
+    Returns
+    -------
+    (B,) array, mm
 
     Raises
     ------

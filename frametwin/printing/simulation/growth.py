@@ -15,7 +15,7 @@ from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.sag import moved_frame
 from frametwin.printing.process.calibration import own_weight, stiffness_between, weight_scale
-from frametwin.printing.process.material import Chance, PrintSettings
+from frametwin.printing.process.material import PrintSettings, ProcessVariation
 from frametwin.printing.process.settling import bent_ends, settled
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.simulation.outcome import BatchOutcome, PrintReport, Standing
@@ -58,13 +58,13 @@ class GrowingPrint:
         settings: PrintSettings | None = None,
         seed: int = 0,
         *,
-        chance: Chance | None = None,
+        chance: ProcessVariation | None = None,
         scale: float | None = None,
     ) -> None:
         sequence.end_in(design)
         self.design, self.sequence = design, sequence
         self.settings = PrintSettings() if settings is None else settings
-        self.chance = Chance.draw(design.strut_count, self.settings, seed) if chance is None else chance
+        self.chance = ProcessVariation.draw(design.strut_count, self.settings, seed) if chance is None else chance
         self.scale = weight_scale(design, sequence, self.settings) if scale is None else scale
         self.outcomes: list[BatchOutcome] = []
         self.clock = 0.0
@@ -78,7 +78,7 @@ class GrowingPrint:
         self._laid_at = np.zeros(struts)
         self._settled_at = 0.0
         self._as_laid = np.zeros((struts, 3))  # angles of both ends, length of the chord
-        self._most = 0
+        self._most_standing = 0
 
     @property
     def collapsed(self) -> bool:
@@ -98,8 +98,8 @@ class GrowingPrint:
             What the robot follows: the design's struts and joints, moved.
         laying
             What is laid, if other struts than the sequence has in that batch; struts that stand are left out.
-        curves
-            (N, 4, 3) mm where its struts are laid, each from start to end, if not just as in the plan.
+        curves : (N, 4, 3) array, mm, optional
+            Where its struts are laid, each from start to end, if not just as in the plan.
 
         Raises
         ------
@@ -161,14 +161,14 @@ class GrowingPrint:
         if not self._sticks(start, first, bead):
             if not self.design.grounded[start]:
                 return
-            self._bring(start, first)
+            self._create_joint(start, first)
         node = end
         if not self._sticks(end, last, bead):
             if self._born[end]:
                 node = self.design.vertex_count + strut
                 self._points[node] = last
             else:
-                self._bring(end, last)
+                self._create_joint(end, last)
         a, b = self._points[start], self._points[node]
         laid = curve + bezier.straight(a - curve[0], b - curve[3])
         laid[[0, 3]] = a, b
@@ -178,7 +178,7 @@ class GrowingPrint:
         self._standing[strut] = True
         self._as_laid[strut] = self._shape(np.array([strut]))[0]
 
-    def _bring(self, joint: int, point: np.ndarray) -> None:
+    def _create_joint(self, joint: int, point: np.ndarray) -> None:
         if not self._born[joint]:
             self._born[joint], self._points[joint] = True, point
 
@@ -192,6 +192,7 @@ class GrowingPrint:
         return bool(there.any()) and float(CurveSet.build(self._curves[there]).distances(point[None])[0]) <= bead
 
     def _settle(self) -> None:
+        """Let the print deform under its weight for the time since it did so last; what is torn off falls."""
         struts = np.flatnonzero(self._standing)
         before, self._settled_at = self._settled_at, self.clock
         if len(struts) == 0:
@@ -206,7 +207,7 @@ class GrowingPrint:
         torn = (np.abs(now[:, :2] - laid[:, :2]) > settings.tear_angle).any(axis=1)
         torn |= np.abs(now[:, 2] / laid[:, 2] - 1.0) > settings.tear_stretch
         self._standing[struts[torn]] = False
-        self._drop()
+        self._drop_unsupported()
 
     def _part(self, struts: np.ndarray) -> tuple[Wireframe, np.ndarray]:
         """The struts as a frame of their own, and the nodes of its joints."""
@@ -224,15 +225,15 @@ class GrowingPrint:
         )
         return frame, nodes
 
-    def _drop(self) -> None:
+    def _drop_unsupported(self) -> None:
         """What is not connected to the plate falls; joints that nothing ends at any more are no longer there."""
         struts = np.flatnonzero(self._standing)
         if len(struts):
             frame, _ = self._part(struts)
             count, labels = frame.components()
-            held = np.zeros(count, dtype=bool)
-            held[labels[frame.grounded]] = True
-            self._standing[struts[~held[labels[frame.edges[:, 0]]]]] = False
+            supported = np.zeros(count, dtype=bool)
+            supported[labels[frame.grounded]] = True
+            self._standing[struts[~supported[labels[frame.edges[:, 0]]]]] = False
         there = np.zeros(len(self._points), dtype=bool)
         there[self._nodes[self._standing].ravel()] = True
         self._born &= there[: len(self._born)]
@@ -246,7 +247,7 @@ class GrowingPrint:
         lost = np.flatnonzero(self._laid & ~standing)
         hangs = standing & (self._nodes >= self.design.vertex_count).any(axis=1)
         share = len(lost) / max(1, int(self._laid.sum()))
-        shrunk, self._most = count < self._most, max(self._most, count)
+        shrunk, self._most_standing = count < self._most_standing, max(self._most_standing, count)
         return BatchOutcome(
             batch=batch,
             laid=struts,

@@ -18,14 +18,14 @@ class BatchOutcome:
     ----------
     batch
         Its number.
-    laid
-        (N,) struts that the robot laid.
-    attached
-        (A,) those of them that stand in the end.
-    hanging
-        (H,) those of all standing struts whose far end missed its joint.
-    lost
-        (L,) all struts laid so far that do not stand: never attached, torn off, or fallen with what held them.
+    laid : (N,) int64 array
+        Struts that the robot laid.
+    attached : (A,) int64 array
+        Those of them that stand in the end.
+    hanging : (H,) int64 array
+        Those of all standing struts whose far end missed its joint.
+    lost : (L,) int64 array
+        All struts laid so far that do not stand: never attached, torn off, or fallen with what supported them.
     standing
         Number of struts that stand.
     e_max
@@ -65,7 +65,7 @@ class Standing:
 
     @property
     def present(self) -> np.ndarray:
-        """(E, 2) interval of the curve parameter at which each strut of ``frame`` is there."""
+        """(E, 2) array: interval of the curve parameter at which each strut of ``frame`` is there."""
         return np.where(self.frame.printed[:, None], [0.0, 1.0], 0.0)
 
 

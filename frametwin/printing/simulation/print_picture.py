@@ -46,7 +46,8 @@ def print_picture(
 
     Returns
     -------
-    (H, W, 3) uint8, red, green, blue.
+    (H, W, 3) uint8 array
+        Red, green, blue.
     """
     pieces, deviation = _pieces(design, real)
     top = max(float(deviation.max(initial=0.0)) if largest is None else largest, 1e-9)

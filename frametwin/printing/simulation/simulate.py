@@ -15,12 +15,12 @@ from frametwin.files import PathLike, dump_json, file_hash, read_json, write_jso
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.answer import ACCEPTABLE, AnswerOptions
-from frametwin.printing.job.job import Job
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.simulation.growth import GrowingPrint
 from frametwin.printing.simulation.outcome import BatchOutcome, PrintReport, Standing
-from frametwin.printing.simulation.simulated_pictures import Renderer, Rig
+from frametwin.printing.simulation.simulated_pictures import Renderer, SimulatedRig
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.ranges import Seed, check_settings, one_of
 from frametwin.scratch import scratch_folder
@@ -55,7 +55,7 @@ class SimulationOptions:
 
     plan: PlanOptions = field(default_factory=lambda: PlanOptions(allow_contact=True))
     print: PrintSettings = PrintSettings()
-    rig: Rig = Rig()
+    rig: SimulatedRig = SimulatedRig()
     seed: Seed = 0
     fit: bool = False
     accept: tuple[Annotated[str, one_of(ACCEPTABLE)], ...] = ()
@@ -93,7 +93,7 @@ class SimulatedPrint:
         Why the job stopped, if it did.
     """
 
-    job: Job
+    job: PrintJob
     report: PrintReport
     standing: Standing
     outcomes: tuple[BatchOutcome, ...]
@@ -135,7 +135,7 @@ def simulate_print(
     """Print a frame without a robot: lay a batch, take pictures, answer them, and so on.
 
     The simulated print knows nothing of twins, and the job sees nothing but pictures. It ends when all is laid, when it
-    has collapsed, or when the job holds. A simulation that was stopped goes on where it was.
+    has collapsed, or when the job is held. A simulation that was stopped goes on where it was.
 
     Parameters
     ----------
@@ -189,29 +189,29 @@ def _job_in(
     order: PathLike | None,
     overwrite: bool,
     progress: ProgressCallback | None,
-) -> Job:
+) -> PrintJob:
     """A new job, or the one of a simulation that was stopped."""
     digest = None if order is None else file_hash(order)
     notes = {"format": FORMAT, "version": VERSION, "order": digest, "options": options.as_dict()}
     if not (folder / SETTINGS).is_file() or overwrite:
         extra = {SETTINGS: notes}
         return plan_job(folder, frame, options.plan, order=order, overwrite=overwrite, notes=extra, progress=progress)
-    job = Job(folder)
+    job = PrintJob(folder)
     design = frame.replace(printed=np.ones(frame.strut_count, dtype=bool))
     same = frame_json.to_dict(job.design), read_json(folder / SETTINGS)
     if [dump_json(item) for item in same] != [dump_json(item) for item in (frame_json.to_dict(design), notes)]:
         raise InputError.at(folder, "out", "holds another simulation", "give another folder, or allow overwriting")
-    job.settle()
+    job.recover()
     return job
 
 
-def _lay(grown: GrowingPrint, job: Job, batch: int) -> BatchOutcome:
+def _lay(grown: GrowingPrint, job: PrintJob, batch: int) -> BatchOutcome:
     ahead = job.anticipation(batch)
     return grown.lay(batch, ahead.plan, ahead.laying, ahead.curves())
 
 
 def _answer(
-    job: Job,
+    job: PrintJob,
     grown: GrowingPrint,
     outcome: BatchOutcome,
     options: SimulationOptions,

@@ -28,13 +28,13 @@ Renderer = Callable[[Scene, Path, ProgressCallback | None], Any]
 
 FRAME = "frame.json"
 
-ROOM = 0.15
+VIEW_MARGIN = 0.15
 """How far the cameras' view reaches beyond the design, as a share of its longest side: prints sag and lean."""
 
 
 @dataclass(frozen=True)
-class Rig:
-    """Cameras that stay where they are for the whole print, and what takes their pictures.
+class SimulatedRig:
+    """The rig of a simulated print: cameras that stay where they are, and what takes their pictures.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Rig:
     def cameras(self, design: Wireframe) -> tuple[Camera, ...]:
         """The cameras around a design."""
         low, high = design.bounds
-        room = ROOM * design.extent
+        room = VIEW_MARGIN * design.extent
         box = np.stack([[*(low[:2] - room), low[2]], high + room])
         return ring_rig(box, self.views, size=self.size)
 

@@ -1,4 +1,4 @@
-"""The tool's axes once more, on a plan that was adapted: kept where they are still free, else the nearest free ones."""
+"""Tool axes looked at again on a plan that was adapted: kept where they are still free, else the nearest free ones."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.clearance import joined_struts, struts_hit
 from frametwin.printing.sequencing.directions import tool_directions
-from frametwin.printing.sequencing.holds import allowed_holds
 from frametwin.printing.sequencing.nozzle import Nozzle
+from frametwin.printing.sequencing.tool_orientation import allowed_orientations
 from frametwin.wording import listed, shortened
 
 
@@ -22,10 +22,10 @@ class CheckedAxes:
 
     Attributes
     ----------
-    axis
-        (N, 3) unit vectors.
-    changed
-        (N,) bool: another than planned.
+    axis : (N, 3) array
+        Unit vectors from the tip upwards.
+    changed : (N,) bool array
+        The axis is another than planned.
     contacts
         Sentences about struts that cannot be laid without touching others, if any.
     """
@@ -46,10 +46,12 @@ def checked_axes(
         Where the struts are to be, those printed where they are.
     sequence, batch
         Whose axes.
-    nozzle, max_tilt
-        The tool, and how far it may lean from the vertical in radians.
+    nozzle
+        The tool.
+    max_tilt : float, rad
+        How far it may lean from the vertical.
     allow_contact
-        Take the way with the fewest contacts where none is free, instead of refusing.
+        Take the axis with the fewest contacts where none is free, instead of refusing.
 
     Raises
     ------
@@ -65,13 +67,13 @@ def checked_axes(
     joined = joined_struts(plan)[struts]
     side = (plan.edges[struts, 0] != sequence.start[place]).astype(np.int64)
     hit = struts_hit(plan, nozzle, struts, axis[:, None], before, joined)[:, 0].any(axis=1)
-    bad = np.flatnonzero(hit | ~_held(plan, nozzle, struts, axis, side))
+    bad = np.flatnonzero(hit | ~_still_allowed(plan, nozzle, struts, axis, side))
     contacts = []
     if len(bad):
         others = tool_directions(max_tilt)
         part = plan.subset(np.isin(np.arange(plan.strut_count), struts[bad]))[0]
         rank = np.argsort(np.argsort(struts[bad]))
-        allowed = allowed_holds(part, nozzle, others)[rank]  # the subset is in the order of the frame
+        allowed = allowed_orientations(part, nozzle, others)[rank]  # the subset is in the order of the frame
         each = np.broadcast_to(others, (len(bad), *others.shape))
         hits = struts_hit(plan, nozzle, struts[bad], each, before[bad], joined[bad])
         for n, free, ways in zip(bad.tolist(), allowed, hits, strict=True):
@@ -91,10 +93,12 @@ def checked_axes(
     return CheckedAxes(axis, changed, tuple(contacts))
 
 
-def _held(plan: Wireframe, nozzle: Nozzle, struts: np.ndarray, axis: np.ndarray, side: np.ndarray) -> np.ndarray:
+def _still_allowed(
+    plan: Wireframe, nozzle: Nozzle, struts: np.ndarray, axis: np.ndarray, side: np.ndarray
+) -> np.ndarray:
     """(N,) bool: the planned axis still spares the plate and the strut itself."""
     axes, which = np.unique(axis, axis=0, return_inverse=True)
-    return allowed_holds(plan, nozzle, axes)[struts, which.ravel(), side]
+    return allowed_orientations(plan, nozzle, axes)[struts, which.ravel(), side]
 
 
 def _nearest(

@@ -20,14 +20,18 @@ dynamics"); A2 and A3 without their signs."""
 
 
 def within_reach(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """(N,) bool: the inverse kinematics of a UR10e has a solution.
+    """Tell for which poses the inverse kinematics of a UR10e has a solution.
 
     Parameters
     ----------
-    position
-        (N, 3) of the flange in mm in the robot's base.
-    rotation
-        (N, 3, 3) of the flange.
+    position : (N, 3) array, mm
+        Of the flange in the robot's base.
+    rotation : (N, 3, 3) array
+        Of the flange.
+
+    Returns
+    -------
+    (N,) bool array
 
     Notes
     -----
@@ -115,7 +119,7 @@ def compas_fab_is_installed() -> bool:
 
 
 def frames_for_compas_fab(position: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Flanges (N, 3) in mm and (N, 3, 3) as compas_fab's solver has them: (N, 3) in m and (N, 3, 3).
+    """Turn flanges (N, 3) in mm and (N, 3, 3) into what compas_fab's solver takes: (N, 3) in m and (N, 3, 3).
 
     Its base is half a turn about z from the controller's, and its flange looks along x: the flange's z is its x, and
     the flange's x is its -y (compared with its forward kinematics, compas_fab 2.0.1).

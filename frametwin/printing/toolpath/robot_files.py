@@ -124,8 +124,8 @@ def write_robot_files(
         From which deviations are counted.
     allow_contact
         Write waypoints that touch printed struts, and say so in the summary, whatever the settings say.
-    rate
-        (V, 3) mm by which joints move with each strut that is laid; see `anticipation.drift_rate`.
+    rate : (V, 3) array, mm, optional
+        Drift of the joints with each strut that is laid; see `anticipation.drift_rate`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the tool does to lay one batch: where it goes, how it is held, how fast, and when material flows.
+"""What the tool does to lay one batch: where it goes, with which orientation, how fast, and when material flows.
 
 For each strut: over the print at a safe height, down beside it or above it, along the tool's axis to the strut's
 start, a pause with material flowing, along the strut, a pause while it hardens, and back the same way. Drawn back
@@ -23,7 +23,7 @@ from frametwin.printing.adaptation.anticipation import Anticipation
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.toolpath.axes import checked_axes
-from frametwin.printing.toolpath.moves import Clearing, tool_rotations
+from frametwin.printing.toolpath.keep_out import KeepOutBox, tool_rotations
 from frametwin.ranges import Tilt, above, check_settings, within
 
 TRAVEL, APPROACH, PRINT, RETREAT = range(4)
@@ -78,24 +78,24 @@ class Waypoints:
 
     Attributes
     ----------
-    position
-        (N, 3) of the tip in mm, in the coordinates of the frame.
-    rotation
-        (N, 3, 3) of the tool: its columns are x, y and z of the tool; z points out of the nozzle, against the axis.
-    speed
-        (N,) mm/s on the way to the waypoint.
-    extrude
-        (N,) bool: material flows during the pause at the waypoint and on the way to the next.
-    dwell
-        (N,) pause in s.
-    kind
-        (N,) of the way to the waypoint: `TRAVEL`, `APPROACH` (to a strut's start), `PRINT` or `RETREAT`.
-    strut
-        (N,) strut that is laid there, or that the way leads to or from.
-    deviation
-        (N,) distance in mm of waypoints on a strut from the same points of the design; 0 elsewhere.
-    radius
-        (N,) of the strut in mm.
+    position : (N, 3) array, mm
+        Of the tip, in the coordinates of the frame.
+    rotation : (N, 3, 3) array
+        Columns are x, y and z of the tool; z points out of the nozzle, against the axis.
+    speed : (N,) array, mm/s
+        On the way to the waypoint.
+    extrude : (N,) bool array
+        Material flows during the pause at the waypoint and on the way to the next.
+    dwell : (N,) array, s
+        Pause at the waypoint.
+    kind : (N,) int64 array
+        Of the way to the waypoint: `TRAVEL`, `APPROACH` (to a strut's start), `PRINT` or `RETREAT`.
+    strut : (N,) int64 array
+        The strut that is laid there, or that the way leads to or from.
+    deviation : (N,) array, mm
+        Distance of waypoints on a strut from the same points of the design; 0 elsewhere.
+    radius : (N,) array, mm
+        Of the strut.
     batch
         Number of the batch.
     contacts
@@ -138,7 +138,7 @@ class Waypoints:
 
     @property
     def axis(self) -> np.ndarray:
-        """(N, 3) the tool's axis, from the tip upwards."""
+        """(N, 3) array: unit vectors along the tool, from the tip upwards."""
         return -self.rotation[:, :, 2]
 
     @property
@@ -162,7 +162,7 @@ def waypoints_of(
     design: Wireframe | None = None,
     rate: np.ndarray | None = None,
 ) -> Waypoints:
-    """The tool's way for the struts of one batch.
+    """Plan the way of the tool for the struts of one batch.
 
     Parameters
     ----------
@@ -176,9 +176,9 @@ def waypoints_of(
         How struts are laid.
     design
         What deviations are counted from; default ``plan``.
-    rate
-        (V, 3) mm by which joints move with each strut that is laid (`anticipation.drift_rate`). Each
-        strut is laid where its joints will be then; the tool keeps clear of the print as it is in the middle.
+    rate : (V, 3) array, mm, optional
+        Drift of the joints with each strut that is laid (`anticipation.drift_rate`). Each strut is laid where its
+        joints will be by then; the tool keeps clear of the print as it is in the middle of the batch.
 
     Raises
     ------
@@ -200,13 +200,13 @@ def waypoints_of(
     nozzle = Nozzle.fitting(plan) if settings.nozzle is None else settings.nozzle
     max_tilt = math.radians(settings.max_tilt_deg)
     axes = checked_axes(meanwhile, sequence, batch, nozzle, max_tilt, settings.allow_contact)
-    clearing = _clearing(meanwhile, sequence.laid_before(batch + 1, plan.strut_count), nozzle, settings)
+    box = _keep_out_box(meanwhile, sequence.laid_before(batch + 1, plan.strut_count), nozzle, settings)
     tools = zip(axes.axis, tool_rotations(axes.axis), strict=True)
     ways = zip(part.struts.tolist(), ahead.curves(), part.directed_curves(design), tools, strict=True)
     rows: list[dict[str, Any]] = []
     for strut, curve, designed, tool in ways:
         spacing = 2.0 * float(plan.radius[strut]) if settings.spacing is None else settings.spacing
-        rows.append(_laid((curve, designed), spacing, settings, clearing, tool))
+        rows.append(_strut_rows((curve, designed), spacing, settings, box, tool))
         rows[-1] |= {
             name: np.full(len(rows[-1]["kind"]), value)
             for name, value in (("strut", strut), ("radius", plan.radius[strut]))
@@ -216,19 +216,19 @@ def waypoints_of(
     )
 
 
-def _clearing(plan: Wireframe, standing: np.ndarray, nozzle: Nozzle, settings: WaypointSettings) -> Clearing:
-    """How the tool keeps clear of the struts ``standing`` (E,) bool on its ways between struts."""
+def _keep_out_box(plan: Wireframe, standing: np.ndarray, nozzle: Nozzle, settings: WaypointSettings) -> KeepOutBox:
+    """The box around the struts that stand (E,) bool, for the tool's ways between struts."""
     points = plan.control_points[standing].reshape(-1, 3)
     bounds = np.stack([points.min(axis=0) - plan.radius.max(), points.max(axis=0) + plan.radius.max()])
-    air = 10.0 * float(np.median(plan.radius)) if settings.clearance is None else settings.clearance
-    return Clearing(bounds, nozzle.long_enough(plan), air, math.radians(settings.max_tilt_deg))
+    clearance = 10.0 * float(np.median(plan.radius)) if settings.clearance is None else settings.clearance
+    return KeepOutBox(bounds, nozzle.long_enough(plan), clearance, math.radians(settings.max_tilt_deg))
 
 
-def _laid(
+def _strut_rows(
     curves: tuple[np.ndarray, np.ndarray],
     spacing: float,
     settings: WaypointSettings,
-    clearing: Clearing,
+    box: KeepOutBox,
     tool: tuple[np.ndarray, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """The rows of one strut: hover, stand off, start, along the strut, stand off, hover.
@@ -240,8 +240,8 @@ def _laid(
     u = np.arange(count + 1) / count
     points = bezier.evaluate(curve, u)
     away = np.linalg.norm(points - bezier.evaluate(designed, u), axis=1)
-    near, far = clearing.stand_off(points[0], axis), clearing.stand_off(points[-1], axis)
-    position = np.concatenate([[clearing.hover(near), near], points, [far, clearing.hover(far)]])
+    near, far = box.stand_off(points[0], axis), box.stand_off(points[-1], axis)
+    position = np.concatenate([[box.hover(near), near], points, [far, box.hover(far)]])
     total = len(position)
     kind = np.array([TRAVEL, TRAVEL, APPROACH, *[PRINT] * count, RETREAT, TRAVEL])
     speed = np.where(kind == PRINT, settings.speed, settings.travel_speed)

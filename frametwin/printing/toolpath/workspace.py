@@ -24,12 +24,11 @@ class Workspace:
 
     Attributes
     ----------
-    lower, upper
-        (3,) corners of the box in mm.
-    base
-        (4, 4) rigid transform from the coordinates of the print to those of the robot's base, mm.
-    max_speed
-        mm/s.
+    lower, upper : (3,) array, mm
+        Corners of the box.
+    base : (4, 4) array, mm
+        Rigid transform from the coordinates of the print to those of the robot's base.
+    max_speed : float, mm/s
     max_tilt_deg
         Of the tool against the vertical of the print.
 
@@ -67,11 +66,11 @@ class Workspace:
         return cls(np.array([*(low[:2] - room), floor]), high + room, **limits)
 
     def positions(self, waypoints: Waypoints) -> np.ndarray:
-        """(N, 3) mm in the robot's base."""
+        """(N, 3) array, mm: waypoints in the robot's base."""
         return waypoints.position @ self.base[:3, :3].T + self.base[:3, 3]
 
     def rotations(self, waypoints: Waypoints) -> np.ndarray:
-        """(N, 3, 3) of the tool in the robot's base."""
+        """(N, 3, 3) array: rotations of the tool in the robot's base."""
         return self.base[:3, :3] @ waypoints.rotation
 
     def check(self, waypoints: Waypoints) -> None:
@@ -120,7 +119,7 @@ class Workspace:
 
 
 def rotation_vectors(rotations: np.ndarray) -> np.ndarray:
-    """(N, 3) axis times angle of rotations (N, 3, 3), as UR controllers write them; angles up to pi."""
+    """Turn rotations (N, 3, 3) into axis times angle (N, 3), as UR controllers write them; angles up to pi."""
     from scipy.spatial.transform import Rotation
 
     result: np.ndarray = Rotation.from_matrix(rotations).as_rotvec()

@@ -43,7 +43,7 @@ def to_text(waypoints: Waypoints, limits: Workspace) -> str:
 
 
 def read_compas_frames(path: PathLike) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (N, 3) in m and rotations (N, 3, 3) of the frames in a file.
+    """Read positions (N, 3) in m and rotations (N, 3, 3) of the frames in a file.
 
     Raises
     ------

@@ -33,14 +33,14 @@ class GcodeMoves:
 
     Attributes
     ----------
-    position, axis
-        (N, 3) mm in the machine's base, and the tool's axis.
-    speed
-        (N,) mm/s.
-    extrusion
-        (N,) mm of filament on the way to the waypoint.
-    dwell
-        (N,) s.
+    position : (N, 3) array, mm
+        In the machine's base.
+    axis : (N, 3) array
+        Unit vectors along the tool, from the tip upwards.
+    speed : (N,) array, mm/s
+    extrusion : (N,) array, mm
+        Filament that is pushed on the way to the waypoint.
+    dwell : (N,) array, s
     """
 
     position: np.ndarray

@@ -44,18 +44,16 @@ class RobotProgram:
 
     Attributes
     ----------
-    position
-        (N, 3) in mm in the robot's base.
-    rotation_vector
-        (N, 3) axis times angle, rad.
-    speed
-        (N,) mm/s.
-    extrude
-        (N,) bool, from the arrival on.
-    dwell
-        (N,) s.
-    blend
-        (N,) mm, radius within which the tip cuts the corner; 0 where it stops.
+    position : (N, 3) array, mm
+        In the robot's base.
+    rotation_vector : (N, 3) array, rad
+        Axis times angle.
+    speed : (N,) array, mm/s
+    extrude : (N,) bool array
+        Material flows from the arrival on.
+    dwell : (N,) array, s
+    blend : (N,) array, mm
+        Radius within which the tip cuts the corner; 0 where it stops.
     """
 
     position: np.ndarray
@@ -94,7 +92,7 @@ def to_text(waypoints: Waypoints, limits: Workspace) -> str:
 
 
 def blend_radii(waypoints: Waypoints) -> np.ndarray:
-    """(N,) mm: where the tip passes through within a strut, and nothing is switched or awaited; 0 elsewhere."""
+    """Find blend radii (N,) in mm: within a strut, where nothing is switched or awaited; 0 elsewhere."""
     result = np.zeros(len(waypoints))
     inner, after = np.arange(1, len(waypoints) - 1), np.arange(2, len(waypoints))
     way = np.linalg.norm(np.diff(waypoints.position, axis=0), axis=1)

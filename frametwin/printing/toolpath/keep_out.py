@@ -1,4 +1,4 @@
-"""How the tool comes to a strut and leaves it: along its axis until clear of the print, and at a safe height above."""
+"""How the tool comes to a strut and leaves it: along its axis out of a box around the print, then safely above."""
 
 from __future__ import annotations
 
@@ -14,12 +14,22 @@ _FACES = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.
 
 
 def tool_rotations(axes: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) rotations of the tool, columns x, y, z, for axes (N, 3) that do not point straight down.
+    """Turn axes of the tool into rotations, with a roll that varies as little as can be.
 
     The tool's z points against the axis, out of the nozzle. The roll about it is that of a rotation-minimising frame
     along the arc from the vertical to the axis: neighbouring axes have neighbouring rolls, whatever came before, and
     between two of these rotations the tool leans no further than at one of them (their quaternions have no part about
     the vertical, so none of the shortest way between them has).
+
+    Parameters
+    ----------
+    axes : (N, 3) array
+        Unit vectors from the tip upwards, none of them straight down.
+
+    Returns
+    -------
+    (N, 3, 3) array
+        Columns are x, y and z of the tool.
     """
     axes = np.asarray(axes, dtype=np.float64)
     curve = np.stack([np.zeros_like(axes), np.broadcast_to(_UP, axes.shape), _UP + axes], axis=1)
@@ -30,24 +40,24 @@ def tool_rotations(axes: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Clearing:
-    """The way out of a print.
+class KeepOutBox:
+    """A box around what stands, of which the tool keeps out on its ways between struts.
 
     Attributes
     ----------
-    bounds
-        (2, 3) corners of a box around what stands, mm.
+    bounds : (2, 3) array, mm
+        Corners of the box.
     nozzle
         The tool.
-    air
-        What is kept between nozzle and box, mm.
-    max_tilt
-        Of the tool, in radians, while it turns at the safe height.
+    clearance : float, mm
+        What is kept between nozzle and box.
+    max_tilt : float, rad
+        Of the tool while it turns at the safe height.
     """
 
     bounds: np.ndarray
     nozzle: Nozzle
-    air: float
+    clearance: float
     max_tilt: float
 
     @property
@@ -55,20 +65,31 @@ class Clearing:
         """Height of the tip at which nothing of the nozzle comes near the box, however it leans."""
         tilts = np.linspace(0.0, self.max_tilt, 91)
         axes = np.stack([np.sin(tilts), np.zeros_like(tilts), np.cos(tilts)], axis=1)
-        return float(self.bounds[1, 2]) + self.air - min(0.0, float(self.nozzle.lowest(_UP, axes).min()))
+        return float(self.bounds[1, 2]) + self.clearance - min(0.0, float(self.nozzle.lowest(_UP, axes).min()))
 
     def stand_off(self, point: np.ndarray, axis: np.ndarray) -> np.ndarray:
-        """(3,) the nearest point back along ``axis`` from which the tool can go straight up.
+        """Find the nearest point back along the axis from which the tool can go straight up.
 
         There all of the nozzle lies beyond one face of the box: one of its sides, or its top.
+
+        Parameters
+        ----------
+        point : (3,) array, mm
+            Where the tip is.
+        axis : (3,) array
+            Unit vector from the tip upwards.
+
+        Returns
+        -------
+        (3,) array, mm
         """
         limits = np.concatenate([self.bounds[1, :2], -self.bounds[0, :2], self.bounds[1, 2:]])[[0, 2, 1, 3, 4]]
         along = _FACES @ axis
         reach = np.array([self.nozzle.lowest(face, axis) for face in _FACES])
-        missing = limits + self.air - _FACES @ point - reach
+        missing = limits + self.clearance - _FACES @ point - reach
         way = np.where(along > 1e-6, np.maximum(0.0, missing) / np.maximum(along, 1e-6), np.inf)
-        return point + max(self.air, float(way.min())) * axis
+        return point + max(self.clearance, float(way.min())) * axis
 
     def hover(self, point: np.ndarray) -> np.ndarray:
-        """(3,) the point at the safe height above ``point``, or the point itself where that is higher."""
+        """(3,) array, mm: the point at the safe height above ``point``, or the point itself where that is higher."""
         return np.array([point[0], point[1], max(float(point[2]), self.safe_height)])

@@ -1,4 +1,8 @@
-"""How the tool may be held for each strut, whatever is printed: past the plate and the strut's own beginning."""
+"""Tool orientations that serve for a strut, whatever is printed: past the plate and the strut's own beginning.
+
+A tool orientation is the direction of the tool's axis; its roll about the axis does not matter, as the nozzle is a body
+of revolution.
+"""
 
 from __future__ import annotations
 
@@ -17,23 +21,26 @@ STEP = 0.5
 
 
 def plate_height(frame: Wireframe) -> float:
-    """Height of the build plate, mm: what lies lowest rests on it with its radius."""
+    """Height of the build plate in mm: what lies lowest rests on it with its radius."""
     ends = frame.edges[frame.grounded[frame.edges].any(axis=1)]
     lowest = frame.vertices[frame.grounded, 2].min() if len(ends) else frame.bounds[0, 2]
     return float(min(lowest, frame.bounds[0, 2])) - float(np.median(frame.radius))
 
 
-def allowed_holds(frame: Wireframe, nozzle: Nozzle, axes: np.ndarray) -> np.ndarray:
-    """Find the ways of holding the tool that spare the plate and the part of the strut that is laid already.
+def allowed_orientations(frame: Wireframe, nozzle: Nozzle, axes: np.ndarray) -> np.ndarray:
+    """Find the tool orientations that spare the plate and the part of the strut that is laid already.
 
     Parameters
     ----------
-    frame, nozzle, axes
-        The struts, the tool and the (D, 3) axes to try.
+    frame, nozzle
+        The struts and the tool.
+    axes : (D, 3) array
+        Unit vectors, the orientations to try.
 
     Returns
     -------
-    (E, D, 2) bool; the last index is the end at which the strut is begun.
+    (E, D, 2) bool array
+        Strut, orientation, and the end at which the strut is begun: its first or its second.
     """
     low = bezier.evaluate(frame.control_points, np.linspace(0.0, 1.0, 17))[..., 2].min(axis=1)  # (E,)
     drop = np.minimum(0.0, nozzle.lowest(np.array([0.0, 0.0, 1.0]), axes))  # (D,)
@@ -44,15 +51,28 @@ def allowed_holds(frame: Wireframe, nozzle: Nozzle, axes: np.ndarray) -> np.ndar
         struts = np.flatnonzero(counts == count)
         points = bezier.evaluate(frame.control_points[struts], np.linspace(0.0, 1.0, count + 1))
         gap = np.linalg.norm(np.diff(points, axis=1), axis=2).max(axis=1)
-        room = frame.radius[struts] + nozzle.clearance + 0.5 * gap  # points between the samples are that far at most
+        margin = frame.radius[struts] + nozzle.clearance + 0.5 * gap  # points between the samples are that far at most
         for side in range(2):
             directed = np.ascontiguousarray(points[:, ::-1] if side else points)
-            result[struts, :, side] = spares_itself(directed, room, axes, nozzle.profile, nozzle.bead)
+            result[struts, :, side] = spares_itself(directed, margin, axes, nozzle.profile, nozzle.bead)
     return result & above[:, :, None]
 
 
-def hold_costs(frame: Wireframe, axes: np.ndarray) -> np.ndarray:
-    """(E, D, 2) cost of each way: tilt of the tool, and going down; shares of the largest tilt."""
+def orientation_costs(frame: Wireframe, axes: np.ndarray) -> np.ndarray:
+    """Find what it costs to lay each strut with each tool orientation, from each end: the tool's tilt, and going down.
+
+    Parameters
+    ----------
+    frame
+        The struts.
+    axes : (D, 3) array
+        Unit vectors.
+
+    Returns
+    -------
+    (E, D, 2) array
+        In shares of the largest tilt; indices as of `allowed_orientations`.
+    """
     tilt = np.arccos(np.clip(axes[:, 2], -1.0, 1.0))
     chord = frame.control_points[:, 3] - frame.control_points[:, 0]
     down = -chord[:, 2] / np.linalg.norm(chord, axis=1)
