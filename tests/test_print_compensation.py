@@ -9,13 +9,13 @@ from print_physics import lowest_first, print_with_right_twins, twin_at
 from frametwin.errors import InputError
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.compensation import BELIEFS, PULLS, SagForecast, compensate
+from frametwin.printing.adaptation.compensation import CANDIDATE_MATERIALS, LOAD_DIRECTIONS, SagForecast, compensate
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.process.calibration import linear_drift
 from frametwin.printing.simulation.growth import GrowingPrint
 
 BATCHES = 12
-BELIEF = 3
+CANDIDATE = 3
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +31,16 @@ def forecast(bridge: Wireframe) -> SagForecast:
 def seen(forecast: SagForecast, factors: np.ndarray, batches: int, noise: float, seed: int = 0) -> list[Observation]:
     """What twins see of a print that drifts just as forecast, and inaccurately."""
     rng = np.random.default_rng(seed)
-    drifts = forecast.drift[:batches, BELIEF] @ factors
-    known = [np.abs(drift).sum(axis=(1, 2)) > 0.0 for drift in forecast.drift[:batches, BELIEF]]
+    drifts = forecast.drift[:batches, CANDIDATE] @ factors
+    known = [np.abs(drift).sum(axis=(1, 2)) > 0.0 for drift in forecast.drift[:batches, CANDIDATE]]
     return [Observation(k, drift + noise * rng.normal(size=drift.shape), known[k]) for k, drift in enumerate(drifts)]
 
 
 def test_factors_are_found_again(forecast: SagForecast) -> None:
     factors = np.array([0.05, -0.08, 1.3])
-    say, found = forecast.fit(seen(forecast, factors, 8, noise=0.02))
-    assert say[BELIEF] > 0.9 and say.sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(found[BELIEF], factors, atol=0.03)
+    weights, found = forecast.fit(seen(forecast, factors, 8, noise=0.02))
+    assert weights[CANDIDATE] > 0.9 and weights.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(found[CANDIDATE], factors, atol=0.03)
 
 
 def test_noise_is_not_taken_for_sag(forecast: SagForecast) -> None:
@@ -54,9 +54,13 @@ def test_noise_is_not_taken_for_sag(forecast: SagForecast) -> None:
 
 def test_what_is_to_come_is_the_rest_of_the_whole(bridge: Wireframe, forecast: SagForecast) -> None:
     observed = seen(forecast, np.array([0.0, 0.0, 1.0]), 5, noise=1e-3)
-    factors = forecast.fit(observed)[1][BELIEF]
+    factors = forecast.fit(observed)[1][CANDIDATE]
     assert factors[2] == pytest.approx(1.0, rel=0.03)
-    whole = linear_drift(bridge, lowest_first(bridge, BATCHES), BELIEFS[BELIEF], PULLS) @ [0.0, 0.0, 1.0]
+    whole = linear_drift(bridge, lowest_first(bridge, BATCHES), CANDIDATE_MATERIALS[CANDIDATE], LOAD_DIRECTIONS) @ [
+        0.0,
+        0.0,
+        1.0,
+    ]
     rest = whole[5:].sum(axis=0)
     np.testing.assert_allclose(forecast.remaining_drift(observed, 5), rest, atol=0.03 * np.abs(rest).max())
     assert rest[:, 2].min() < -0.5 and np.abs(whole[:, bridge.grounded]).max() == 0.0
@@ -67,15 +71,15 @@ def test_only_joints_that_are_still_to_be_laid_are_aimed_elsewhere(bridge: Wiref
     rng = np.random.default_rng(0)
     vertices = bridge.vertices + rng.normal(size=bridge.vertices.shape)
     plan = Wireframe.create(vertices, bridge.edges, radius=bridge.radius, printed=printed, grounded=bridge.grounded)
-    to_come = rng.normal(size=vertices.shape)
-    after = compensate(plan, bridge, to_come)
+    remaining = rng.normal(size=vertices.shape)
+    after = compensate(plan, bridge, remaining)
     free = ~plan.printed_vertices() & ~bridge.grounded
     assert 5 < free.sum() < len(free) - 5
     np.testing.assert_array_equal(after.vertices[~free], plan.vertices[~free])
-    np.testing.assert_allclose(after.vertices[free], (bridge.vertices - to_come)[free])
+    np.testing.assert_allclose(after.vertices[free], (bridge.vertices - remaining)[free])
     np.testing.assert_array_equal(after.control_points[printed], plan.control_points[printed])
     assert after.is_straight  # straight struts between moved ends stay straight
-    np.testing.assert_allclose(compensate(after, bridge, to_come).control_points, after.control_points, atol=1e-9)
+    np.testing.assert_allclose(compensate(after, bridge, remaining).control_points, after.control_points, atol=1e-9)
 
 
 def test_a_twin_is_seen_where_it_is_sure(bridge: Wireframe) -> None:
