@@ -290,11 +290,11 @@ def test_other_blender(venv: Path, python: Path, extra: list[str], required: boo
         return 0
     other = venv.with_name(f"{venv.name}-blender-{name}")
     inner = venv_python(other)
-    if not (inner.exists() and succeeds([inner, "-c", "import bpy, pytest, hatchling"])):
+    if not (inner.exists() and succeeds([inner, "-c", "import bpy, pytest, pytest_timeout, hatchling"])):
         say(f"Making {other} for {BLENDER_PYTHONS[others[0]]}")
         if call([base, "-m", "venv", "--clear", other]) != 0:
             raise SetupError(f"the virtual environment {other} could not be made; the reason is above.")
-        install([*pip_install(inner), "bpy", "pytest", "hatchling"], "Blender's module")
+        install([*pip_install(inner), "bpy", "pytest", "pytest-timeout", "hatchling"], "Blender's module")
     say(f"pytest {' '.join([*OTHER_TESTS, *extra])} ({BLENDER_PYTHONS[others[0]]})")
     environment = {**os.environ, "FRAMETWIN_PYTHON": str(python), "PYTHONPATH": str(ROOT)}
     code = call([inner, "-m", "pytest", "-p", "no:cacheprovider", *OTHER_TESTS, *extra], environment)

@@ -101,6 +101,7 @@ def test_the_page_is_well_formed_and_stands_alone(made: Path) -> None:
 
 def test_everything_that_the_page_names_is_there(made: Path) -> None:
     page = Page(made / "index.html")
+    assert len(page.data["rows"]) == 3 and min(row["views"] for row in page.data["rows"]) >= 3
     for row in page.data["rows"]:
         for path in page.pictures(row):
             image = cv2.imread(str(path))

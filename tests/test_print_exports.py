@@ -250,7 +250,7 @@ def test_what_the_arm_cannot_reach_is_not_written(tmp_path: Path) -> None:
     options = {"allow_contact": True, "ur10e_tool": 150.0, "max_tilt_deg": 30.0}
     near = tuple(map(tuple, np.eye(4) + 600.0 * np.eye(4, k=3)))
     job = plan_job(tmp_path / "near", tower(), PlanOptions(base=near, **options))
-    assert job.waypoint_summary(0)["reach"] in ("built-in", "compas_fab")
+    assert job.waypoint_summary(0)["reach"] == ("built-in" if find_spec("compas_fab") is None else "compas_fab")
     assert PrintJob(job.folder).settings.robot.ur10e_tool == 150.0
     far = tuple(map(tuple, np.eye(4) + 1800.0 * np.eye(4, k=3)))
     with pytest.raises(InputError, match=r"batch 0: waypoint \d+ \(.*strut \d+\): is out of a UR10e's reach"):

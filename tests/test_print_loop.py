@@ -78,7 +78,7 @@ def test_evidence_tells_struts_that_are_there_from_those_that_are_not() -> None:
         lower = plan.replace(printed=~upper)
         evidence = Pictures(lower, cameras, masks).evidence(lower, twin, others)
         seen = evidence.whiteness[np.isfinite(evidence.whiteness)]
-        assert len(seen) > 8 and (seen > 0.8).all() if there else (seen < 0.2).all()
+        assert len(seen) > 8 and (seen > 0.8 if there else seen < 0.2).all()
         assert (evidence.unexplained > 0.3) == there and (evidence.uncovered > 0.3) == there
         assert evidence.contradicted < 0.08
 

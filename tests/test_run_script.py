@@ -183,7 +183,7 @@ def test_blenders_part_is_tested_with_the_other_generation_too(
     assert run.test_other_blender(tmp_path / ".venv", Path(sys.executable), ["-x"], required=True) == 0
     environment = tmp_path / f".venv-blender-{other}"
     assert recorded[0] == [f"python{other}", "-m", "venv", "--clear", str(environment)]
-    assert recorded[1][-3:] == ["bpy", "pytest", "hatchling"] and "constraints.txt" in recorded[1]
+    assert recorded[1][-4:] == ["bpy", "pytest", "pytest-timeout", "hatchling"] and "constraints.txt" in recorded[1]
     assert recorded[2][0] == str(run.venv_python(environment)) and recorded[2][-2:] == ["tests/blender", "-x"]
 
 

@@ -73,10 +73,9 @@ def test_outdated_curves_do_not_pile_up(worker: WorkerClient) -> None:
     key = worker.request("count", {"steps": 30, "pause": 0.05}, curves=True)
     until(lambda: key not in worker._open, "the end of the job")  # nobody has looked since it began
     events = worker.poll(100)
-    assert [event["event"] for event in events] == ["progress", "curves", "result"] or [
-        event["event"] for event in events
-    ] == ["curves", "progress", "result"]
-    assert all(event["iteration"] > 20 for event in events[:2])
+    assert [event["event"] for event in events[2:]] == ["result"]
+    latest = {event["event"]: event["iteration"] for event in events[:2]}  # whichever came last
+    assert latest.keys() == {"progress", "curves"} and min(latest.values()) > 20
 
 
 def test_a_limit_of_events(worker: WorkerClient) -> None:
@@ -129,9 +128,10 @@ def test_arrays_travel_both_ways(worker: WorkerClient) -> None:
         assert np.array_equal(sent, got, equal_nan=np.asarray(sent).dtype.kind == "f")
     big = worker.call("echo", {"values": ["ü 桥 \udcff", {"a": None}, "x" * 300_000]})
     assert big["values"] == ["ü 桥 \udcff", {"a": None}, "x" * 300_000]
-    for wrong in (float("nan"), {1, 2}):
-        with pytest.raises((TypeError, ValueError)):
-            worker.call("echo", {"values": [wrong]})
+    with pytest.raises(ValueError, match="JSON"):
+        worker.call("echo", {"values": [float("nan")]})
+    with pytest.raises(TypeError, match="set"):
+        worker.call("echo", {"values": [{1, 2}]})
 
 
 def test_what_libraries_print_never_reaches_the_protocol(worker: WorkerClient) -> None:
@@ -204,9 +204,11 @@ def test_closing_ends_the_process_and_what_it_does(tmp_path: Path) -> None:
     key = client.request("write", {"out": tmp_path / "out"})
     until(lambda: any(event["event"] == "progress" for event in client.poll()), "its progress")
     assert len(list(tmp_path.iterdir())) == 1
-    client.close()
+    client.close(timeout=60.0)
     assert not client.alive and is_gone(client.pid) and list(tmp_path.iterdir()) == []
-    assert all(event.get("kind") in ("ended", "cancelled") for event in client.poll() if event["id"] == key)
+    until(lambda: key not in client._open, "the answer")
+    last = client.poll()[-1]
+    assert (last["id"], last["event"], last["kind"]) == (key, "error", "cancelled")
     client.close()
     with pytest.raises(FrameTwinError, match="is not running"):
         client.request("count")
