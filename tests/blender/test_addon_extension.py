@@ -58,7 +58,7 @@ def test_the_zip_is_whole_and_stands_alone(tmp_path: Path) -> None:
 
 def test_presets_are_those_of_the_library(extension: str) -> None:
     shown = [item.identifier for item in bpy.context.scene.frametwin.fit.bl_rna.properties["preset"].enum_items]
-    source = (cases.ROOT / "frametwin" / "fit" / "settings.py").read_text() + '"fast"'
+    source = (cases.ROOT / "frametwin" / "fitting" / "settings.py").read_text() + '"fast"'
     assert shown[0] == "fast" and all(f'"{name}"' in source for name in shown)
 
 
