@@ -60,7 +60,7 @@ def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None
         (E,) pieces of the shortest gap (`shortest_gap`); two by default. A strut that is dark from end to end is
         missing whatever its length.
     """
-    dark, count = opacity < absent, opacity.shape[1]
+    dark, count = np.asarray(opacity < absent), opacity.shape[1]
     least = np.full(len(opacity), 2) if shortest is None else shortest
     least = np.clip(least, 1, count)
     gap = np.zeros_like(dark)

@@ -92,7 +92,7 @@ def task_of(frame: Wireframe, settings: OrderSettings, progress: ProgressCallbac
         problem = f"{frame.strut_count} struts in {len(axes)} directions need {size / 2**30:.0f} GB"
         raise InputError.at(frame.name, "edges", problem, "allow less tilt, or print the frame in parts")
     allowed = allowed_holds(frame, nozzle, axes)
-    bits = collision_bits(frame, nozzle, axes, allowed.any(axis=2), joined_struts(frame), progress)
+    bits = collision_bits(frame, nozzle, axes, np.asarray(allowed.any(axis=2)), joined_struts(frame), progress)
     return Task.of(frame, bits, allowed, hold_costs(frame, axes), neighbours(axes))
 
 
