@@ -60,7 +60,7 @@ def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None
         (E,) pieces of the shortest gap (`shortest_gap`); two by default. A strut that is dark from end to end is
         missing whatever its length.
     """
-    dark, count = np.asarray(opacity < absent), opacity.shape[1]
+    dark, count = opacity < absent, opacity.shape[1]
     least = np.full(len(opacity), 2) if shortest is None else shortest
     least = np.clip(least, 1, count)
     gap = np.zeros_like(dark)
@@ -68,7 +68,7 @@ def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None
         struts = least == length
         for first in range(count - length + 1):
             row = slice(first, first + length)
-            gap[struts, row] |= dark[struts, row].all(axis=1)[:, None]
+            gap[struts, row] |= np.asarray(dark[struts, row].all(axis=1))[:, None]
     return np.where(gap, 0.0, 1.0)
 
 
