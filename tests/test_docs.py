@@ -13,6 +13,7 @@ from types import ModuleType
 
 import click
 import pytest
+import yaml
 
 import frametwin
 from frametwin.cli.main import cli
@@ -213,3 +214,43 @@ def test_readme_is_what_a_stranger_needs() -> None:
     assert len(lines) <= README_LINES
     for command in ("demo", "test"):
         assert any(line.startswith(f"    python3 scripts/run.py {command}") for line in lines)
+
+
+# --- the files of the project's host
+
+
+def steps_of(workflow: dict) -> list[str]:
+    return [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
+
+
+def test_hosted_tests_run_the_commands_of_the_readme() -> None:
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text(encoding="utf-8"))
+    run = load(ROOT / "scripts" / "run.py")
+    lines = [shlex.split(text) for text in steps_of(workflow) if "scripts/run.py" in text]
+    tasks = []
+    for words in lines:
+        own, _ = run.split_arguments(words[2:])
+        tasks.append(run.parser().parse_args(own).task)
+    assert set(tasks) == {"demo", "test"}
+    matrix = workflow["jobs"]["tests"]["strategy"]["matrix"]
+    assert {system.split("-")[0] for system in matrix["system"]} == {"ubuntu", "macos", "windows"}
+    assert {tuple(map(int, version.split("."))) for version in matrix["python"]} == set(run.BLENDER_PYTHONS)
+    (packages,) = {text.partition("recommends")[2] for text in steps_of(workflow) if "apt-get" in text}
+    assert packages.replace("\\", "").split() == list(run.BLENDER_PACKAGES)
+
+
+def test_hooks_run_modules_that_are_installed() -> None:
+    config = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
+    entries = [hook["entry"].split() for repo in config["repos"] for hook in repo["hooks"]]
+    modules = [words[2] for words in entries if words[:2] == ["python", "-m"]]
+    assert {"ruff", "mypy", "mkdocs"} == set(modules)
+    assert all(importlib.util.find_spec(module) for module in modules)
+
+
+def test_the_citation_names_the_software_and_the_paper() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["title"] == "FrameTwin" and citation["type"] == "software"
+    (paper,) = citation["references"]
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    assert f"*{paper['title']}*" in readme
+    assert [author["family-names"] for author in paper["authors"]][:2] == ["Wang", "Huang"]

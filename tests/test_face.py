@@ -15,7 +15,7 @@ import pytest
 from print_cases import LeaningPrint, print_batch
 
 import frametwin
-from frametwin import InputError
+from frametwin import FrameTwinError, InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 HEAVY = {"bpy", "cv2", "distributed", "matplotlib", "numba", "pydantic", "rich", "safetensors", "scipy", "torch"}
@@ -222,7 +222,7 @@ def test_a_job_is_planned_answered_and_opened(straight_frame: frametwin.Wirefram
     assert report["batch"] == 0 and report["lost"] == []
     again = frametwin.read_print(folder)
     assert again.current == 1 and again.report(0) == report
-    with pytest.raises(InputError, match="old-capture"):
+    with pytest.raises(FrameTwinError, match="old-capture"):
         frametwin.answer_print(again, real.take(tmp_path / "second"))
     assert again.current == 1
 

@@ -114,7 +114,9 @@ def answer_print(
     Raises
     ------
     InputError
-        If the capture cannot be used, the print is finished, or it must not go on with these pictures; the job is as
+        If the capture cannot be used, or the print is finished.
+    FrameTwinError
+        If the job holds, since the pictures, or the twin found from them, are not such that one may print on; it is as
         it was.
     Cancelled
         If ``progress`` returns ``False``; the job is as it was.

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -177,7 +177,8 @@ def _write_obj(capture: Capture, run: Path, place: Path, settings: ExportSetting
 
 
 def _write_npz(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
-    np.savez_compressed(place / "sample.npz", **arrays_of(capture, settings.scale))
+    arrays: dict[str, Any] = arrays_of(capture, settings.scale)
+    np.savez_compressed(place / "sample.npz", **arrays)
 
 
 def arrays_of(capture: Capture, scale: float = 1.0) -> dict[str, np.ndarray]:

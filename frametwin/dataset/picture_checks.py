@@ -151,10 +151,10 @@ def mask_problems(
     inner = cv2.erode(exact, _PIXEL) > 0
     hole = inner & ~white
     problems = []
-    share = np.count_nonzero(stray) / max(1, np.count_nonzero(white))
+    share = np.count_nonzero(stray) / max(1, int(np.count_nonzero(white)))
     if share > tolerance.stray and np.count_nonzero(stray) > LONE:
         problems.append(f"{share:.1%} of its white pixels lie more than a pixel beside the true struts{_where(stray)}")
-    share = np.count_nonzero(hole) / max(1, np.count_nonzero(inner))
+    share = np.count_nonzero(hole) / max(1, int(np.count_nonzero(inner)))
     if share > tolerance.hole and np.count_nonzero(hole) > LONE:
         problems.append(f"{share:.1%} of the true struts' inside is not white{_where(hole)}")
     problems += _centreline_problems(white, camera, curves, tolerance)

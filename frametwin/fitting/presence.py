@@ -68,7 +68,7 @@ def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None
         struts = least == length
         for first in range(count - length + 1):
             row = slice(first, first + length)
-            gap[struts, row] |= dark[struts, row].all(axis=1)[:, None]
+            gap[struts, row] |= np.asarray(dark[struts, row].all(axis=1))[:, None]
     return np.where(gap, 0.0, 1.0)
 
 

@@ -21,6 +21,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -178,7 +179,7 @@ def write_curves(path: PathLike, truth: CurveTruth) -> None:
     InputError
         If it cannot be written.
     """
-    arrays = {"parameters": truth.parameters, "cameras": np.array(truth.cameras, dtype=np.str_)}
+    arrays: dict[str, Any] = {"parameters": truth.parameters, "cameras": np.array(truth.cameras, dtype=np.str_)}
     arrays.update({name: getattr(truth, name) for name in (*_SINGLE, *_LOGICAL)})
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # not compressed: that makes it a sixth smaller and takes thirty times as long

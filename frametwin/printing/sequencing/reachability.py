@@ -87,5 +87,5 @@ def search_space(frame: Wireframe, settings: OrderSettings, progress: ProgressCa
         problem = f"{frame.strut_count} struts in {len(axes)} directions need {size / 2**30:.0f} GB"
         raise InputError.at(frame.name, "edges", problem, "allow less tilt, or print the frame in parts")
     allowed = allowed_orientations(frame, nozzle, axes)
-    bits = collision_bits(frame, nozzle, axes, allowed.any(axis=2), joined_struts(frame), progress)
+    bits = collision_bits(frame, nozzle, axes, np.asarray(allowed.any(axis=2)), joined_struts(frame), progress)
     return SearchSpace.of(frame, bits, allowed, orientation_costs(frame, axes), neighbours(axes))

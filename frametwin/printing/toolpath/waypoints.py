@@ -211,9 +211,8 @@ def waypoints_of(
             name: np.full(len(rows[-1]["kind"]), value)
             for name, value in (("strut", strut), ("radius", plan.radius[strut]))
         }
-    return Waypoints(
-        **{name: np.concatenate([row[name] for row in rows]) for name in rows[0]}, batch=batch, contacts=axes.contacts
-    )
+    columns: dict[str, Any] = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    return Waypoints(**columns, batch=batch, contacts=axes.contacts)
 
 
 def _keep_out_box(plan: Wireframe, standing: np.ndarray, nozzle: Nozzle, settings: WaypointSettings) -> KeepOutBox:
