@@ -109,7 +109,7 @@ def reference_kernels(leaves: Sequence[Tensor], edges: np.ndarray, level: Level)
             torch.from_numpy(edges),
             radius,
             opacity,
-            rod_reference.View(torch.from_numpy(camera), (int(shape[0]), int(shape[1])), level.spread),
+            rod_reference.ReferenceView(torch.from_numpy(camera), (int(shape[0]), int(shape[1])), level.spread),
         )
         for camera, shape in zip(level.cameras, level.shapes, strict=True)
     ]

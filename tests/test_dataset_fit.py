@@ -16,8 +16,8 @@ from frametwin.capture.capture import read_capture
 from frametwin.cli.dataset_fit import fit_command
 from frametwin.dataset.fits import (
     COLUMNS,
+    DatasetFitSettings,
     FitRow,
-    FitSettings,
     SampleTask,
     current_twin,
     fit_dataset,
@@ -81,10 +81,14 @@ def test_runs_are_kept_if_nothing_has_changed(dataset: Path) -> None:
 
 
 def test_runs_belong_to_their_files_and_settings(dataset: Path) -> None:
-    run, settings = dataset / "runs" / "000001", FitSettings()
+    run, settings = dataset / "runs" / "000001", DatasetFitSettings()
     capture = read_capture(sample_folder(dataset, 1))
     assert current_twin(run, capture, settings) is not None
-    for other in (FitSettings(seed=3), FitSettings("paper-lattice"), FitSettings(changes={"field_cells": (1, 3)})):
+    for other in (
+        DatasetFitSettings(seed=3),
+        DatasetFitSettings("paper-lattice"),
+        DatasetFitSettings(changes={"field_cells": (1, 3)}),
+    ):
         assert current_twin(run, capture, other) is None
     assert current_twin(dataset / "runs" / "000000", capture, settings) is None  # that of another sample
     edit_image(capture.views[3].image.path, _with_a_speck)
@@ -94,7 +98,7 @@ def test_runs_belong_to_their_files_and_settings(dataset: Path) -> None:
 
 
 def test_changed_settings_are_found_again_in_the_file(dataset: Path) -> None:
-    settings = FitSettings(changes={"field_cells": (1, 3)})
+    settings = DatasetFitSettings(changes={"field_cells": (1, 3)})
     task = SampleTask(read_dataset(dataset).samples[1], dataset / "runs" / "000001")
     assert not fit_sample(task, settings).kept
     assert fit_sample(task, settings).kept
@@ -156,7 +160,7 @@ def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
     result = run_command(fit_command, dataset, "--set", "nonsense=3")
     assert result.exit_code == 2 and "nonsense" in result.stderr
     with pytest.raises(InputError, match="preset"):
-        FitSettings("faster")
+        DatasetFitSettings("faster")
 
 
 def test_a_run_that_is_stopped_leaves_the_table_as_it_was(dataset: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from frametwin.cameras import to_nerfstudio
 from frametwin.cameras.rigs import ring_rig
-from frametwin.dataset.prints import KNOTS, Print, cameras_of, deformed_print, make_print, real_thickness
+from frametwin.dataset.prints import KNOTS, SamplePrint, cameras_of, deformed_print, make_print, real_thickness
 from frametwin.dataset.recipe import RecipeFile, parse_recipe
 from frametwin.dataset.specification import Sampler, Specification
 from frametwin.errors import InputError
@@ -26,7 +26,7 @@ def drawn(index: int = 0, frame: str = "bridge", **tables: Any) -> tuple[Sampler
     return sampler, sampler.specification(index)
 
 
-def made(index: int = 0, frame: str = "bridge", **tables: Any) -> Print:
+def made(index: int = 0, frame: str = "bridge", **tables: Any) -> SamplePrint:
     sampler, specification = drawn(index, frame, **tables)
     return make_print(specification, sampler.plan(specification))
 

@@ -77,7 +77,7 @@ def test_gradients_equal_those_of_sorted_blending(seed: int, blur: float) -> Non
 def test_gradients_of_the_reference_are_those_of_finite_differences() -> None:
     rng = np.random.default_rng(3)
     camera = torch.from_numpy(level_of([camera_at([30.0, 4.0, 9.0], (7, 9), 9.0, stretch=1.2)]).cameras[0])
-    view = rod_reference.View(camera, (7, 9), 0.7)
+    view = rod_reference.ReferenceView(camera, (7, 9), 0.7)
     points = torch.from_numpy(rng.normal(scale=6.0, size=(2, 3, 3))).requires_grad_()
     joints = torch.from_numpy(rng.normal(scale=6.0, size=(3, 3))).requires_grad_()
     radius = torch.from_numpy(rng.uniform(1.0, 4.0, (2, 2))).requires_grad_()

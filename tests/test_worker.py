@@ -145,7 +145,7 @@ def test_progress_is_told_now_and_then_but_never_late(monkeypatch: pytest.Monkey
     now = [100.0]
     monkeypatch.setattr(server, "monotonic", lambda: now[0])
     source, sink = os.pipe()
-    task = server.Task("a", "job", {}, curves=True)
+    task = server.RunningJob("a", "job", {}, curves=True)
     reporter = server.Reporter(task, streams.EventWriter(sink, lambda: None))
     for step in range(101):
         assert reporter(Progress("counting", step, 100, None, np.full((1, 4, 3), step)))

@@ -56,11 +56,11 @@ def fit_command(folder: Path, quiet: bool, as_json: bool, **options: Any) -> int
       frametwin dataset fit out/demo
       frametwin dataset fit out/demo --preset paper-lattice --set iterations=50
     """
-    from frametwin.dataset.fits import FitSettings, fit_dataset, summarise
+    from frametwin.dataset.fits import DatasetFitSettings, fit_dataset, summarise
     from frametwin.fitting.api import settings_of
 
     preset, seed = options.pop("preset"), options.pop("seed")
-    settings = FitSettings(preset, seed, parse_changes(options.pop("assignments"), settings_of(preset, seed)))
+    settings = DatasetFitSettings(preset, seed, parse_changes(options.pop("assignments"), settings_of(preset, seed)))
     with Display(quiet) as display:
         rows = fit_dataset(folder, settings, progress=display, **options)
     summary = summarise(rows)

@@ -19,7 +19,7 @@ from frametwin.worker.client import WorkerClient
 
 
 @dataclass(frozen=True)
-class Task:
+class GenerateTask:
     """One sample, for a process that knows nothing else of the run."""
 
     recipe: str
@@ -42,7 +42,7 @@ _children: dict[int, _Child] = {}
 """By thread: a Dask worker of somebody else's cluster may have several."""
 
 
-def make_sample(task: Task, progress: ProgressCallback | None = None) -> str:
+def make_sample(task: GenerateTask, progress: ProgressCallback | None = None) -> str:
     """Make one sample in a process of its own kind, which lives for several samples.
 
     Returns
@@ -105,7 +105,7 @@ def close_idle() -> None:
 atexit.register(close_idle)
 
 
-def sample_here(task: Task, progress: ProgressCallback | None = None) -> str:
+def sample_here(task: GenerateTask, progress: ProgressCallback | None = None) -> str:
     """Make one sample in this very process; what the child does.
 
     Raises

@@ -34,7 +34,7 @@ TABLE_FILE, CSV_FILE = "fit.json", "errors.csv"
 
 
 @dataclass(frozen=True)
-class FitSettings:
+class DatasetFitSettings:
     """Preset, seed, and settings that differ from the preset's. See `frametwin.fitting.api.fit_capture`.
 
     Raises
@@ -98,7 +98,7 @@ _SUMS = ("found", "overlooked", "false")
 
 def fit_dataset(
     folder: PathLike,
-    settings: FitSettings | None = None,
+    settings: DatasetFitSettings | None = None,
     *,
     again: bool = False,
     workers: int = 1,
@@ -115,7 +115,7 @@ def fit_dataset(
     folder
         Of the dataset.
     settings
-        See `FitSettings`.
+        See `DatasetFitSettings`.
     again
         Whether runs that are there are made again.
     workers, scheduler
@@ -134,7 +134,7 @@ def fit_dataset(
     Cancelled
         If ``progress`` returns ``False``. Runs that are done stay.
     """
-    settings = FitSettings() if settings is None else settings
+    settings = DatasetFitSettings() if settings is None else settings
     dataset = read_dataset(folder)
     total = len(dataset.samples)
     shown = SampleSteps(progress, total)
@@ -164,7 +164,7 @@ class SampleTask:
 
 
 def fit_sample(
-    task: SampleTask, settings: FitSettings, again: bool = False, progress: ProgressCallback | None = None
+    task: SampleTask, settings: DatasetFitSettings, again: bool = False, progress: ProgressCallback | None = None
 ) -> FitRow:
     """Fit one sample, unless its run is there already, and evaluate the twin.
 
@@ -205,7 +205,7 @@ def fit_sample(
         return replace(row, error=f"{type(error).__name__}: {error}")
 
 
-def current_twin(run: Path, capture: Capture, settings: FitSettings) -> Twin | None:
+def current_twin(run: Path, capture: Capture, settings: DatasetFitSettings) -> Twin | None:
     """The twin in a run folder, if a fit with these settings would read the very files that it was made from."""
     if not (run / TWIN_FILE).is_file():
         return None
@@ -270,7 +270,7 @@ def summarise(rows: Sequence[FitRow]) -> dict[str, Any]:
     return data
 
 
-def write_table(dataset: Dataset, settings: FitSettings, rows: Sequence[FitRow]) -> None:
+def write_table(dataset: Dataset, settings: DatasetFitSettings, rows: Sequence[FitRow]) -> None:
     """Write ``fit.json`` and ``errors.csv`` into a dataset's folder.
 
     Raises

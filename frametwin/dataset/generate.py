@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import Annotated
 
 from frametwin.blender.rendering.client import blender_is_here
-from frametwin.dataset.children import Task, close_idle, make_sample
+from frametwin.dataset.children import GenerateTask, close_idle, make_sample
 from frametwin.dataset.farm import SampleSteps, run_tasks
 from frametwin.dataset.run import Busy, DatasetRun
 from frametwin.errors import Cancelled, InputError
@@ -111,13 +111,13 @@ def generate(
     run.note(tried=survey.wanted)
     result = Report(kept=survey.kept, damaged=survey.damaged)
     tasks = [
-        Task(str(run.source.path.absolute()), str(run.out), settings.seed, settings.count, run.source.digest, i,
+        GenerateTask(str(run.source.path.absolute()), str(run.out), settings.seed, settings.count, run.source.digest, i,
              settings.per_process)
         for i in survey.wanted
     ]  # fmt: skip
     alone = settings.scheduler is None and settings.workers == 1
     shown = SampleSteps(progress, len(tasks)) if alone else None
-    function: Callable[[Task], str] = make_sample if shown is None else lambda task: make_sample(task, shown)
+    function: Callable[[GenerateTask], str] = make_sample if shown is None else lambda task: make_sample(task, shown)
     done = 0
     try:
         report(progress, Progress("samples", 0, len(tasks)))

@@ -12,7 +12,7 @@ from frametwin.imaging.exr import Passes, read_passes
 LEAST_AGREEING = 0.95
 """Share of the samples that are compared at which a pass says what the curves say."""
 
-CLEAR = 3.0
+CLEAR_OF_EDGES = 3.0
 """In radii: samples nearer to an end of their strut are not compared; there another strut's surface may be seen."""
 
 LEAST_SINE = 0.3
@@ -93,5 +93,5 @@ def _compared(view: View, curves: TrueCurves, n: int) -> tuple[np.ndarray, np.nd
     ray = points - view.camera.centre
     sine = np.linalg.norm(np.cross(ray, curves.tangents), axis=2) / np.linalg.norm(ray, axis=2)
     apparent = min(view.camera.fl_x, view.camera.fl_y) * curves.radius / np.maximum(curves.depth[n], 1e-9)
-    clear = (ends > CLEAR * curves.radius) & (sine > LEAST_SINE) & (apparent > LEAST_PIXELS)
+    clear = (ends > CLEAR_OF_EDGES * curves.radius) & (sine > LEAST_SINE) & (apparent > LEAST_PIXELS)
     return curves.visible[n] & clear, sine

@@ -36,7 +36,7 @@ ELEVATIONS = {"ring": (20.0, 45.0), "dome": (10.0, 70.0)}
 
 
 @dataclass(frozen=True, eq=False)
-class Print:
+class SamplePrint:
     """A print and the cameras around it.
 
     Attributes
@@ -66,7 +66,7 @@ def make_print(
     deformed: Wireframe | None = None,
     rig_file: PathLike | None = None,
     progress: ProgressCallback | None = None,
-) -> Print:
+) -> SamplePrint:
     """Make the print of a sample.
 
     Parameters
@@ -96,7 +96,7 @@ def make_print(
     present, dropped = drop_struts(plan, printing.missing, printing.seed, share=printing.missing_share)
     thickness = real_thickness(plan, printing, dropped)
     cameras = cameras_of(plan, truth, specification.rig, rig_file)
-    return Print(plan, truth, present, thickness, cameras)
+    return SamplePrint(plan, truth, present, thickness, cameras)
 
 
 def deformed_print(

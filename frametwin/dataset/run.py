@@ -23,7 +23,7 @@ from frametwin.capture.image_files import write_png
 from frametwin.capture.scene import PhotoLook, Scene, write_scene
 from frametwin.dataset import folder as folders
 from frametwin.dataset.croissant import write_croissant
-from frametwin.dataset.prints import Print, make_print
+from frametwin.dataset.prints import SamplePrint, make_print
 from frametwin.dataset.recipe import FORMAT, LIBRARY_RENDERER, RecipeFile, read_recipe
 from frametwin.dataset.specification import Sampler, Specification
 from frametwin.errors import FrameTwinError, InputError
@@ -325,7 +325,7 @@ class DatasetRun:
             shutil.rmtree(rest, ignore_errors=True)
 
 
-def _scene(specification: Specification, made: Print, cameras: Sequence[Any]) -> Scene:
+def _scene(specification: Specification, made: SamplePrint, cameras: Sequence[Any]) -> Scene:
     render = specification.render
     return Scene(
         truth=made.truth,

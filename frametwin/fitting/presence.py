@@ -15,7 +15,7 @@ IN_VIEW = 0.02
 """A piece is judged by itself if it is in plain view on at least this share of the pixels that it covers in all
 views together; a piece in less takes its strut's judgement, and a strut in less is believed to be there."""
 
-GAP = 3.0
+SHORTEST_GAP = 3.0
 """Radii of the shortest gap in a strut."""
 
 THINNEST, THICKEST = 0.3, 3.0
@@ -73,11 +73,11 @@ def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None
 
 
 def shortest_gap(lengths: np.ndarray, radius: np.ndarray, pieces: int) -> np.ndarray:
-    """(E,) pieces, two or more, of the shortest gap that is believed, `GAP` radii (E,) of struts of lengths (E,).
+    """(E,) pieces, two or more, of the shortest gap that is believed: `SHORTEST_GAP` radii (E,) of each length (E,).
 
     Of pieces that are shorter than they are thick one sees little but their neighbours.
     """
-    return np.maximum(2, np.ceil(GAP * radius * pieces / lengths - 1e-9)).astype(np.int64)
+    return np.maximum(2, np.ceil(SHORTEST_GAP * radius * pieces / lengths - 1e-9)).astype(np.int64)
 
 
 def strut_whiteness(drawn: Rods, level: Level) -> np.ndarray:

@@ -24,7 +24,7 @@ CLOSE_UP_HEIGHT = 540
 MIN_WIDTH = 1500
 """Of the sheet, so that there is room for the header."""
 
-GAP = 12
+SPACING = 12
 HEADER = 112
 LINE: Colour = (214, 218, 224)
 TEXT_FINE = 4  # text is drawn this many times larger, then reduced
@@ -78,10 +78,10 @@ def contact_sheet(
     """
     tile = _tile_size(cameras, layers)
     columns = _columns(len(cameras), tile)
-    width = max(MIN_WIDTH, columns * tile[1] + (columns + 1) * GAP)
+    width = max(MIN_WIDTH, columns * tile[1] + (columns + 1) * SPACING)
     rows = [_header(width, title, subtitle, layers)]
     if close_ups:
-        part = (width - (len(close_ups) + 1) * GAP) // len(close_ups)
+        part = (width - (len(close_ups) + 1) * SPACING) // len(close_ups)
         size = (CLOSE_UP_HEIGHT, part)
         rows.append(_row([_close_up(cameras, masks, layers, shown, size) for shown in close_ups], width, size[0]))
     views = [
@@ -89,7 +89,7 @@ def contact_sheet(
         for camera, mask in zip(cameras, masks, strict=True)
     ]
     rows += [_row(views[i : i + columns], width, tile[0]) for i in range(0, len(views), columns)]
-    return np.concatenate([*rows, _blank(GAP, width)])
+    return np.concatenate([*rows, _blank(SPACING, width)])
 
 
 def find_close_ups(
@@ -229,7 +229,7 @@ def _scale_bar(picture: np.ndarray, pixels_per_mm: float) -> None:
 
 def _header(width: int, title: str, subtitle: str, layers: Sequence[Layer]) -> np.ndarray:
     picture = _blank(HEADER, width)
-    x = width - GAP - 6
+    x = width - SPACING - 6
     for layer in reversed(layers):
         x -= _text_width(layer.name, 0.7)
         put_text(picture, layer.name, (x, 50), 0.7, INK)
@@ -240,8 +240,8 @@ def _header(width: int, title: str, subtitle: str, layers: Sequence[Layer]) -> n
     x -= _text_width("seen", 0.7)
     put_text(picture, "seen", (x, 50), 0.7, INK)
     cv2.rectangle(picture, (x - 62, 33), (x - 14, 53), PRINT, cv2.FILLED)
-    put_text(picture, title, (GAP + 6, 52), 1.05, INK, 2.2)
-    put_text(picture, subtitle, (GAP + 6, 88), 0.62, FAINT)
+    put_text(picture, title, (SPACING + 6, 52), 1.05, INK, 2.2)
+    put_text(picture, subtitle, (SPACING + 6, 88), 0.62, FAINT)
     return picture
 
 
@@ -256,11 +256,11 @@ def _framed(picture: np.ndarray, caption: str) -> np.ndarray:
 
 
 def _row(pictures: Sequence[np.ndarray], width: int, height: int) -> np.ndarray:
-    row = _blank(height + GAP, width)
-    x = GAP
+    row = _blank(height + SPACING, width)
+    x = SPACING
     for picture in pictures:
         row[:height, x : x + picture.shape[1]] = picture
-        x += picture.shape[1] + GAP
+        x += picture.shape[1] + SPACING
     return row
 
 

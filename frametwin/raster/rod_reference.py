@@ -26,7 +26,7 @@ MIN_DEPTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ReferenceView:
     """One camera and its picture.
 
     Attributes
@@ -58,7 +58,7 @@ def coverage(distance: Tensor, radius: Tensor, spread: float) -> Tensor:
     return torch.where(distance < radius - REACH * spread, flat, value)
 
 
-def half_width(a: Tensor, b: Tensor, view: View) -> Tensor:
+def half_width(a: Tensor, b: Tensor, view: ReferenceView) -> Tensor:
     """Apparent half width in pixels, per mm of radius, of a round rod about a..b (3,) in world coordinates.
 
     The outline is where the pixels' rays touch the cylinder: at |ray . n| = radius / depth, with n the unit normal of
@@ -82,7 +82,7 @@ def dividing_lines(line: Tensor) -> Tensor:
     return torch.cat([nothing, step]) + torch.cat([step, nothing])
 
 
-def piece_coverages(points: Tensor, radius: Tensor, view: View) -> tuple[Tensor, Tensor]:
+def piece_coverages(points: Tensor, radius: Tensor, view: ReferenceView) -> tuple[Tensor, Tensor]:
     """What every piece of one strut covers: on the outer side of a turn as far as the dividing line, but no further
     than its half width.
 
@@ -120,7 +120,7 @@ def piece_coverages(points: Tensor, radius: Tensor, view: View) -> tuple[Tensor,
     return torch.stack(covers), middle
 
 
-def joint_coverage(joint: Tensor, radius: Tensor, view: View) -> tuple[Tensor, Tensor]:
+def joint_coverage(joint: Tensor, radius: Tensor, view: ReferenceView) -> tuple[Tensor, Tensor]:
     """(H, W) coverage of a joint's disc and its depth; zeros for a joint without radius or behind the camera."""
     centre, depth = view.project(joint)
     if bool(depth < MIN_DEPTH) or bool(radius <= 0.0):
@@ -158,7 +158,7 @@ def blend(alphas: Tensor, depth: Tensor) -> Tensor:
 
 
 def kernels(
-    points: Tensor, joints: Tensor, edges: Tensor, radius: Tensor, opacity: Tensor, view: View
+    points: Tensor, joints: Tensor, edges: Tensor, radius: Tensor, opacity: Tensor, view: ReferenceView
 ) -> tuple[Tensor, Tensor]:
     """Alpha (N, H, W) and depth (N,) of all pieces, strut by strut, and then of the joints' discs.
 
@@ -183,6 +183,8 @@ def kernels(
     return torch.cat(alphas), torch.cat(depths)
 
 
-def picture(points: Tensor, joints: Tensor, edges: Tensor, radius: Tensor, opacity: Tensor, view: View) -> Tensor:
+def picture(
+    points: Tensor, joints: Tensor, edges: Tensor, radius: Tensor, opacity: Tensor, view: ReferenceView
+) -> Tensor:
     """(H, W) picture of struts and joints, grey value 1; see `kernels` and `blend`."""
     return blend(*kernels(points, joints, edges, radius, opacity, view))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from frametwin.capture.scene import WORKBENCH_WORKS
-from frametwin.dataset.children import Task, sample_here
+from frametwin.dataset.children import GenerateTask, sample_here
 from frametwin.dataset.folder import read_dataset
 from frametwin.dataset.run import SCENE_FILE, Busy, DatasetRun
 from frametwin.errors import InputError
@@ -42,7 +42,7 @@ def sample(
     works, as an environment variable says it to the next process, or null.
     """
     try:
-        content = sample_here(Task(recipe, out, seed, count, digest, index, per_process=1), progress)
+        content = sample_here(GenerateTask(recipe, out, seed, count, digest, index, per_process=1), progress)
     except Busy as busy:
         return {"content": None, "busy": str(busy), "workbench": None}
     return {"content": content, "busy": None, "workbench": os.environ.get(WORKBENCH_WORKS)}

@@ -9,7 +9,7 @@ import numpy as np
 
 from frametwin.twin.twin import Twin
 
-GAP = 0.15
+LEAST_GAP = 0.15
 """A strut with a gap of at least this share of its length is taken to be missing or broken off. Single pieces of
 whole struts look dark in dense frames, where little of them is in plain view; long stretches rarely do."""
 
@@ -32,7 +32,7 @@ def longest_gap(opacity: np.ndarray) -> np.ndarray:
 
 def missing_struts(twin: Twin, printed: np.ndarray) -> np.ndarray:
     """Rising indices of the printed struts, (E,) bool, that are missing in whole or in part."""
-    return np.flatnonzero(printed & (longest_gap(twin.opacity) >= GAP - 1e-9))
+    return np.flatnonzero(printed & (longest_gap(twin.opacity) >= LEAST_GAP - 1e-9))
 
 
 def uncertain_struts(twin: Twin, printed: np.ndarray) -> np.ndarray:

@@ -74,7 +74,7 @@ def _version_of(package: str) -> str | None:
 
 
 @dataclass(eq=False)
-class Task:
+class RunningJob:
     """A request for a job."""
 
     id: str
@@ -95,7 +95,7 @@ def _id_of(message: dict[str, Any]) -> str:
     return key
 
 
-def _task_of(key: str, message: dict[str, Any]) -> Task:
+def _task_of(key: str, message: dict[str, Any]) -> RunningJob:
     request, parameters, curves = message.get("request"), message.get("parameters", {}), message.get("curves", False)
     if not isinstance(request, str) or request not in JOBS:
         raise ProtocolError(f"the request {request!r} is unknown, the worker knows {', '.join(JOBS)}")
@@ -106,7 +106,7 @@ def _task_of(key: str, message: dict[str, Any]) -> Task:
         raise ProtocolError("the parameters are not an object")
     if not isinstance(curves, bool):
         raise ProtocolError("curves is not true or false")
-    return Task(key, request, parameters, curves)
+    return RunningJob(key, request, parameters, curves)
 
 
 def _error(key: str | None, kind: str, message: str, **more: Any) -> dict[str, Any]:
@@ -126,8 +126,8 @@ class Worker:
         self._requests = requests
         self._out = EventWriter(events, self.end)
         self._wake = threading.Condition()
-        self._waiting: deque[Task] = deque()
-        self._current: Task | None = None
+        self._waiting: deque[RunningJob] = deque()
+        self._current: RunningJob | None = None
         self._ended = False
 
     def catch_signals(self) -> None:
@@ -211,7 +211,7 @@ class Worker:
             self._out.send(_error(key, "protocol", f"{error}."))
         return False
 
-    def _add(self, task: Task) -> None:
+    def _add(self, task: RunningJob) -> None:
         with self._wake:
             if task.id in {other.id for other in (*self._waiting, self._current) if other is not None}:
                 raise DoubleId(f"a request with the id {task.id} is under way already")
@@ -231,7 +231,7 @@ class Worker:
 
     # --- Working
 
-    def _next(self) -> Task | None:
+    def _next(self) -> RunningJob | None:
         with self._wake:
             while not self._waiting and not self._ended:
                 self._wake.wait()
@@ -240,7 +240,7 @@ class Worker:
             self._current = self._waiting.popleft()
             return self._current
 
-    def _outcome(self, task: Task) -> dict[str, Any]:
+    def _outcome(self, task: RunningJob) -> dict[str, Any]:
         """Do a job; whatever it raises becomes its last event."""
         try:
             result = run_job(task.name, task.parameters, Reporter(task, self._out))
@@ -254,7 +254,7 @@ class Worker:
             message = f"{task.name} failed unexpectedly ({problem})."
             return _error(task.id, "failed", message, details=traceback.format_exc())
 
-    def _send_last(self, task: Task, event: dict[str, Any]) -> None:
+    def _send_last(self, task: RunningJob, event: dict[str, Any]) -> None:
         try:
             self._out.send(event)
         except (TypeError, ValueError) as error:
@@ -265,7 +265,7 @@ class Worker:
 class Reporter:
     """The progress callback of a job: sends events, not too many, and says when to stop."""
 
-    def __init__(self, task: Task, out: EventWriter) -> None:
+    def __init__(self, task: RunningJob, out: EventWriter) -> None:
         self._task, self._out = task, out
         self._place: tuple[str, bool] | None = None  # stage, and whether it is done
         self._sent = self._drawn = float("-inf")

@@ -18,7 +18,7 @@ from frametwin.blender.display.print_jobs import (
     show_at,
     show_job_steps,
 )
-from frametwin.blender.display.stage import Stage
+from frametwin.blender.display.stage import PhotoStage
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.errors import InputError
 from frametwin.files import PathLike, write_bytes
@@ -56,7 +56,7 @@ def stage_jobs(
     corners = [
         (design.control_points.reshape(-1, 3) + place_shift(design, i)[:3, 3]) / unit for i in range(len(histories))
     ]
-    stage = Stage(scene, np.concatenate(corners), size)
+    stage = PhotoStage(scene, np.concatenate(corners), size)
     stage.add_legend(jobs[0].legend)
     for history, job, points in zip(histories, jobs, corners, strict=True):
         middle = stage.across(points)

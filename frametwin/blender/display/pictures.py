@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from frametwin.blender.display.stage import Stage, clear_stage
+from frametwin.blender.display.stage import PhotoStage, clear_stage
 from frametwin.blender.display.twins import TwinObjects
 from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.blender.rendering.render_job import call_renderer
@@ -36,7 +36,7 @@ def render_twin(shown: TwinObjects, path: PathLike, size: tuple[int, int] = (120
     scene = bpy.data.scenes.new("FrameTwin picture")
     try:
         scene.collection.objects.link(shown.twin)
-        stage = Stage(scene, points / mm_per_unit(bpy.context.scene), size)
+        stage = PhotoStage(scene, points / mm_per_unit(bpy.context.scene), size)
         stage.add_legend(shown.legend)
         with scratch_folder() as scratch:
             file = scratch / "twin.png"

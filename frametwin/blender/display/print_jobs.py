@@ -24,7 +24,7 @@ WORDS_KEY = "frametwin_job_words"
 FRAMES_A_BATCH = 24
 FIRST_FRAME = 1
 NEXT_COLOUR, MISSED_COLOUR, LOST_COLOUR = (0.1, 0.6, 0.2), (0.9, 0.02, 0.05), (0.25, 0.02, 0.02)
-GAP = 1.15
+SPACING = 1.15
 """Distance between two jobs side by side, in widths of the design."""
 
 
@@ -90,7 +90,7 @@ def place_shift(design: Wireframe, place: int) -> np.ndarray:
     """(4, 4) in mm: how far a job is moved aside, by its place among others, for who looks from `AZIMUTH`."""
     right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
     shift = np.eye(4)
-    shift[:3, 3] = place * GAP * float(np.ptp(design.control_points.reshape(-1, 3) @ right)) * right
+    shift[:3, 3] = place * SPACING * float(np.ptp(design.control_points.reshape(-1, 3) @ right)) * right
     return shift
 
 

@@ -24,7 +24,7 @@ HOW_MUCH = ("all", "share", "batch", "height")
 
 
 @dataclass(frozen=True, eq=False)
-class Print:
+class ScenePrint:
     """A print: the plan with what is printed, the real geometry, and (E, 2) where each strut is there."""
 
     plan: Wireframe
@@ -108,7 +108,7 @@ def _mark(obj: bpy.types.Object, present: np.ndarray) -> None:
 
 def read_print(
     plan_object: bpy.types.Object, print_object: bpy.types.Object | None, scene: bpy.types.Scene | None = None
-) -> Print:
+) -> ScenePrint:
     """The print that an object shows.
 
     Parameters
@@ -126,15 +126,15 @@ def read_print(
     """
     if print_object is None or print_object == plan_object:
         plan, truth = plan_and_deformed(plan_object, scene=scene)
-        return Print(plan, truth, _everywhere(plan.printed))
+        return ScenePrint(plan, truth, _everywhere(plan.printed))
     plan = plan_from_object(plan_object, scene=scene)
     truth = plan_from_object(print_object, evaluated=True, scene=scene)
     check_truth(truth, plan, label(print_object))
     plan, truth = plan.replace(printed=truth.printed), truth.replace(radius=plan.radius, grounded=plan.grounded)
     kept = print_object.get(KEY)
     if isinstance(kept, idprop.types.IDPropertyArray) and len(kept) == 2 * plan.strut_count:
-        return Print(plan, truth, np.array(kept, dtype=np.float64).reshape(-1, 2))
-    return Print(plan, truth, _everywhere(plan.printed))
+        return ScenePrint(plan, truth, np.array(kept, dtype=np.float64).reshape(-1, 2))
+    return ScenePrint(plan, truth, _everywhere(plan.printed))
 
 
 def _everywhere(printed: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ BACKGROUND = (0.02, 0.022, 0.026)
 WHITE = (0.9, 0.9, 0.9)
 
 
-class Stage:
+class PhotoStage:
     """A camera and what is drawn close before it.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from frametwin.blender.display.prints import Print
+from frametwin.blender.display.prints import ScenePrint
 from frametwin.blender.views.backgrounds import add_background
 from frametwin.blender.views.cameras import activate, cameras_in
 from frametwin.cameras import Camera
@@ -22,7 +22,7 @@ from frametwin.formats import frame_json
 
 
 def capture_parameters(
-    real: Print,
+    real: ScenePrint,
     cameras: Sequence[Camera],
     out: PathLike,
     *,

@@ -85,7 +85,7 @@ class AnswerOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class AnsweredStep:
     """Where a job stands when a batch is answered.
 
     Attributes
@@ -149,7 +149,7 @@ class _Found:
 
 def answer_batch(
     stage: Path,
-    step: Step,
+    step: AnsweredStep,
     capture: PathLike | None,
     options: AnswerOptions,
     progress: ProgressCallback | None = None,
@@ -203,7 +203,7 @@ def answer_batch(
     return NextBatch.after(going.adapted, going.sequence, following, going.seen, step.settings, contact)
 
 
-def _find(taken: BatchCapture, step: Step, options: AnswerOptions, progress: ProgressCallback | None) -> _Found:
+def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progress: ProgressCallback | None) -> _Found:
     """Read the pictures, find the twin, and move what is still to come."""
     laps = [perf_counter()]
     frame = step.expected.frame
@@ -241,7 +241,7 @@ def _struts_of(frame: Wireframe, struts: np.ndarray) -> Wireframe:
     return frame.subset(mask)[0]
 
 
-def _continuation(step: Step, found: _Found | None, options: AnswerOptions) -> Continuation:
+def _continuation(step: AnsweredStep, found: _Found | None, options: AnswerOptions) -> Continuation:
     sequence, batch = step.expected.sequence, step.expected.batch
     none = np.zeros(0, dtype=np.int64)
     if found is None or not step.settings.adapt:
@@ -257,7 +257,7 @@ def _continuation(step: Step, found: _Found | None, options: AnswerOptions) -> C
     return Continuation(feet_on_plate(adapted, step.design, ~adapted.printed_vertices()), sequence, again, seen)
 
 
-def _compensated(step: Step, found: _Found, seen: Sequence[Observation]) -> Wireframe:
+def _compensated(step: AnsweredStep, found: _Found, seen: Sequence[Observation]) -> Wireframe:
     """The adapted plan, what is still to come being aimed against the sag still to come where that is wanted."""
     if step.forecast is None:
         return found.adapted
@@ -265,7 +265,7 @@ def _compensated(step: Step, found: _Found, seen: Sequence[Observation]) -> Wire
     return compensate(found.adapted, step.design, step.forecast.remaining_drift(known, step.expected.batch + 1))
 
 
-def _doubts(step: Step, found: _Found, going: Continuation) -> list[Doubt]:
+def _doubts(step: AnsweredStep, found: _Found, going: Continuation) -> list[Doubt]:
     expected, limits, twin = step.expected, step.settings.limits, found.fit.result.twin
     doubts = guards.doubts_of_twin(expected, twin, found.adapted, found.evidence, limits)
     if any(doubt.kind in ALSO_OF_LATER_PICTURES for doubt in doubts) and _shows_next_batch(step, found):
@@ -275,7 +275,7 @@ def _doubts(step: Step, found: _Found, going: Continuation) -> list[Doubt]:
     return doubts
 
 
-def _shows_next_batch(step: Step, found: _Found) -> bool:
+def _shows_next_batch(step: AnsweredStep, found: _Found) -> bool:
     """Whether the pictures are well explained by a print in which the next batch has been laid too."""
     following, limits = step.expected.next_struts, step.settings.limits
     if following is None:
@@ -289,7 +289,9 @@ def _shows_next_batch(step: Step, found: _Found) -> bool:
     return bool(absent < limits.elsewhere and mismatch < min(limits.mismatch, found.evidence.mismatch))
 
 
-def _write(stage: Path, step: Step, taken: BatchCapture | None, found: _Found | None, going: Continuation) -> None:
+def _write(
+    stage: Path, step: AnsweredStep, taken: BatchCapture | None, found: _Found | None, going: Continuation
+) -> None:
     if taken is not None and found is not None:
         write_run(stage / files.RUN, found.fit.result, taken.capture)
     frame_json.write(stage / files.ADAPTED, going.adapted)
@@ -303,7 +305,7 @@ def _capture_content(taken: BatchCapture | None) -> dict[str, Any]:
     return {"capture": str(taken.capture.root), "pictures": taken.pictures}
 
 
-def _plan_content(step: Step, going: Continuation) -> dict[str, Any]:
+def _plan_content(step: AnsweredStep, going: Continuation) -> dict[str, Any]:
     """What was printed, what stands, and how far the plan is from the design; mm."""
     batch, frame, adapted = step.expected.batch, step.expected.frame, going.adapted
     standing = adapted.printed
@@ -321,7 +323,7 @@ def _plan_content(step: Step, going: Continuation) -> dict[str, Any]:
     }
 
 
-def _twin_content(step: Step, found: _Found) -> dict[str, Any]:
+def _twin_content(step: AnsweredStep, found: _Found) -> dict[str, Any]:
     twin, frame = found.fit.result.twin, step.expected.frame
     printed = frame.printed
     return {

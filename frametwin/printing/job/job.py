@@ -27,7 +27,7 @@ from frametwin.printing.adaptation.compensation import SagForecast
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import job_files as files
-from frametwin.printing.job.answer import AnswerOptions, Step, answer_batch
+from frametwin.printing.job.answer import AnsweredStep, AnswerOptions, answer_batch
 from frametwin.printing.job.guards import Expectation
 from frametwin.printing.job.job_files import JobFile, JobSettings
 from frametwin.printing.job.next_batch import NextBatch, write_batch
@@ -260,10 +260,10 @@ class PrintJob:
         with suppress(JobBusy, OSError), self._locked():
             self._recover()
 
-    def _step(self, batch: int) -> Step:
+    def _step(self, batch: int) -> AnsweredStep:
         earlier = {k: self.report(k)["pictures"] for k in range(batch)}
         compensates, ahead = self.settings.adapt and self.settings.compensate, self.anticipation(batch)
-        return Step(
+        return AnsweredStep(
             self.design,
             self.settings,
             self._expectation(batch, ahead),
