@@ -56,7 +56,7 @@ def test_pychoreo_plan_is_kept(shared_frames: Path) -> None:
     pairs = json.loads(path.read_text())["plan"]
     assert np.stack([sequence.start, sequence.end_in(frame)], axis=1).tolist() == pairs
     found = check_sequence(frame, sequence)
-    assert [finding.kind for finding in found] == ["collision"]
+    assert [fault.kind for fault in found] == ["collision"]
 
 
 def test_walk_of_rl3dp_is_kept(shared_frames: Path) -> None:

@@ -182,7 +182,7 @@ def test_files_that_contradict_each_other_are_named(job: PrintJob) -> None:
 
 
 def test_an_order_that_cannot_be_printed_is_found(tmp_path: Path) -> None:
-    """Job.create takes any order; the waypoints of its first batch alone are planned with it."""
+    """PrintJob.create takes any order; the waypoints of its first batch alone are planned with it."""
     good = plan_job(tmp_path / "good", tower(), PlanOptions(batch_size=8, allow_contact=True))
     sequence = good.sequence
     turned = PrintSequence(sequence.struts[::-1], sequence.start[::-1], sequence.axis[::-1], sequence.batch)

@@ -184,8 +184,8 @@ def test_struts_that_bar_each_other_in_a_ring_are_refused_or_touched() -> None:
     assert "\n" not in str(caught.value)
     sequence = plan_sequence(tower(), OrderSettings(max_tilt_deg=0.0, attempts=2, allow_contact=True))
     found = check_sequence(tower(), sequence)
-    assert {finding.kind for finding in found} == {"collision"}
-    assert all(len(finding.others) >= 1 and finding.depth > 0.0 for finding in found)
+    assert {fault.kind for fault in found} == {"collision"}
+    assert all(len(fault.others) >= 1 and fault.depth > 0.0 for fault in found)
 
 
 def test_a_strut_that_hides_under_its_own_start_is_refused() -> None:
@@ -253,7 +253,7 @@ def test_planted_faults_are_found() -> None:
     good = plan_sequence(frame)
     assert check_sequence(frame, good) == []
     turned = PrintSequence(good.struts[::-1], good.start[::-1], good.axis[::-1], good.batch)
-    kinds = [finding.kind for finding in check_sequence(frame, turned)]
+    kinds = [fault.kind for fault in check_sequence(frame, turned)]
     assert {"collision", "in the air"} <= set(kinds)
     short = PrintSequence(good.struts[:-1], good.start[:-1], good.axis[:-1], good.batch[:-1])
     assert [(f.kind, f.strut) for f in check_sequence(frame, short)] == [("left out", int(good.struts[-1]))]

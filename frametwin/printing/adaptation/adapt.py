@@ -83,7 +83,7 @@ def adapt(plan: Wireframe, twin: Twin, field: DeformationField, settings: AdaptS
 
 
 def lost_struts(plan: Wireframe, twin: Twin, settings: AdaptSettings | None = None) -> np.ndarray:
-    """(N,) indices of the printed struts that the twin does not find: they did not attach, or fell."""
+    """Find printed struts that are not in the twin, as indices (N,): they did not attach, or fell."""
     settings = AdaptSettings() if settings is None else settings
     return np.flatnonzero(plan.printed & (twin.completeness < settings.completeness))
 

@@ -95,6 +95,10 @@ def _strut_hits(i: int, j: int, chords: tuple, axis: np.ndarray, profile: np.nda
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
 def fill_bits(begin, end, chords, axes, profile, settings, wanted, joined, bits):  # type: ignore[no-untyped-def]
+    """Set in ``bits`` what is hit while each strut from ``begin`` to ``end`` is laid; see `clearance.collision_bits`.
+
+    ``settings`` are bead, clearance and finest cell, in mm.
+    """
     for i in nb.prange(begin, end):
         with_bead = settings.copy()
         without = settings.copy()
@@ -109,6 +113,7 @@ def fill_bits(begin, end, chords, axes, profile, settings, wanted, joined, bits)
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
 def fill_hits(struts, chords, axes, profile, settings, before, joined, hits):  # type: ignore[no-untyped-def]
+    """Set in ``hits`` what is hit while some struts are laid; see `clearance.struts_hit`."""
     for n in nb.prange(len(struts)):
         with_bead = settings.copy()
         without = settings.copy()
@@ -122,7 +127,10 @@ def fill_hits(struts, chords, axes, profile, settings, before, joined, hits):  #
 
 @nb.njit(cache=True, error_model="numpy")
 def spares_itself(points, margin, axes, profile, bead):  # type: ignore[no-untyped-def]
-    """(n, D): no point of a strut (n, S, 3) is hit that lies further than the bead behind the tip."""
+    """Find tool orientations (n, D) that hit no point of a strut (n, S, 3) further than the bead behind the tip.
+
+    ``margin`` (n,) is the distance that points keep from the nozzle, ``axes`` (D, 3) and ``profile`` are the tool's.
+    """
     result = np.ones((len(points), len(axes)), dtype=np.bool_)
     for n in range(len(points)):
         for d in range(len(axes)):
@@ -161,6 +169,7 @@ def _segment_distance(p: np.ndarray, d: np.ndarray, q: np.ndarray, e: np.ndarray
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
 def mark_joined(edges, radius, chords, factor, joined):  # type: ignore[no-untyped-def]
+    """Set in ``joined`` which struts share a joint or come within ``factor`` sums of radii; see `joined_struts`."""
     start, end, first, thickness, slack, centre, reach = chords
     for i in nb.prange(joined.shape[0]):
         for j in range(joined.shape[0]):

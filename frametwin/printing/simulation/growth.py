@@ -39,8 +39,8 @@ class GrowingPrint:
     settings
         See `PrintSettings`.
     seed
-        Of everything that is left to chance; the same seed, sequence and plans give the same print.
-    chance
+        Of everything that varies at random; the same seed, sequence and plans give the same print.
+    variation
         Takes the place of what the seed would draw.
     scale
         Factor on the weight; `weight_scale` by default.
@@ -58,13 +58,15 @@ class GrowingPrint:
         settings: PrintSettings | None = None,
         seed: int = 0,
         *,
-        chance: ProcessVariation | None = None,
+        variation: ProcessVariation | None = None,
         scale: float | None = None,
     ) -> None:
         sequence.end_in(design)
         self.design, self.sequence = design, sequence
         self.settings = PrintSettings() if settings is None else settings
-        self.chance = ProcessVariation.draw(design.strut_count, self.settings, seed) if chance is None else chance
+        if variation is None:
+            variation = ProcessVariation.draw(design.strut_count, self.settings, seed)
+        self.variation = variation
         self.scale = weight_scale(design, sequence, self.settings) if scale is None else scale
         self.outcomes: list[BatchOutcome] = []
         self.clock = 0.0
@@ -154,8 +156,8 @@ class GrowingPrint:
 
     def _lay_strut(self, strut: int, start: int, end: int, curve: np.ndarray) -> None:
         bead = 2.0 * self.settings.bead * float(self.design.radius[strut])
-        first, last = curve[[0, 3]] + bead * self.chance.placement[strut]
-        seconds = float(self.chance.seconds[strut])
+        first, last = curve[[0, 3]] + bead * self.variation.placement[strut]
+        seconds = float(self.variation.seconds[strut])
         self._laid[strut], self._laid_at[strut] = True, self.clock + 0.5 * seconds
         self.clock += seconds
         if not self._sticks(start, first, bead):
@@ -197,9 +199,9 @@ class GrowingPrint:
         before, self._settled_at = self._settled_at, self.clock
         if len(struts) == 0:
             return
-        settings, chance = self.settings, self.chance
-        stiffness = stiffness_between(settings, self._laid_at[struts], before, self.clock, chance.speed[struts])
-        load = self.scale * own_weight(self.design, settings)[struts, None] * chance.pull[struts]
+        settings, variation = self.settings, self.variation
+        stiffness = stiffness_between(settings, self._laid_at[struts], before, self.clock, variation.speed[struts])
+        load = self.scale * own_weight(self.design, settings)[struts, None] * variation.pull[struts]
         frame, nodes = self._part(struts)
         frame = settled(frame, stiffness, load, settings)
         self._points[nodes], self._curves[struts] = frame.vertices, frame.control_points
