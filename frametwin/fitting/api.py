@@ -24,10 +24,11 @@ from frametwin.files import PathLike, staged_directory
 from frametwin.fitting import settings as splat_settings
 from frametwin.fitting.fast import fit_fast
 from frametwin.fitting.fast_settings import FastSettings
+from frametwin.fitting.photo_fit import ROUNDS, fit_by_turns
 from frametwin.formats import write_frame
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.imaging.masks import read_masks
+from frametwin.imaging.view_masks import Method, read_view_masks
 from frametwin.progress import ProgressCallback
 from frametwin.twin import twin as twin_files
 from frametwin.twin.blending import blend
@@ -69,6 +70,8 @@ def fit_capture(
     seed: int = 0,
     changes: Mapping[str, Any] | None = None,
     warm_start: PathLike | None = None,
+    mask: Method = "auto",
+    ignore: PathLike | None = None,
     callback: ProgressCallback | None = None,
 ) -> FitResult:
     """Find the digital twin of a capture.
@@ -85,6 +88,8 @@ def fit_capture(
         Settings that shall differ from the preset's.
     warm_start
         A run folder or field file of an earlier fit of the same frame, from which to start.
+    mask, ignore
+        What becomes of photographs; see `frametwin.imaging.view_masks.read_view_masks`.
     callback
         Told of every step; can stop the fit.
 
@@ -96,19 +101,17 @@ def fit_capture(
         If the callback stops the fit.
     """
     began = perf_counter()
-    masks = read_masks(capture, callback)
-    cameras = [view.camera.without_distortion() for view in capture.views]
+    masks = read_view_masks(capture, mask, ignore=ignore, progress=callback)
     read = perf_counter() - began
-    result = fit_views(
-        capture.frame,
-        cameras,
-        masks,
-        preset,
-        seed=seed,
-        changes=changes,
-        start=None if warm_start is None else read_field(warm_start),
-        callback=callback,
-    )
+
+    def fit(cameras: list[Camera], pictures: list[np.ndarray], start: DeformationField | None) -> FitResult:
+        return fit_views(
+            capture.frame, cameras, pictures, preset, seed=seed, changes=changes, start=start, callback=callback
+        )
+
+    start = None if warm_start is None else read_field(warm_start)
+    rounds = ROUNDS if preset == "fast" else 0  # the others cannot start from a twin
+    result, _ = fit_by_turns(capture, masks, fit, start, rounds)
     twin = result.twin
     return FitResult(
         Twin(

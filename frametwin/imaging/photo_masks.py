@@ -19,6 +19,9 @@ from frametwin.imaging.photograph import Photograph
 LEAST_FOUND, MOST_FOUND = 0.25, 3.0
 """Share of the plan's pixels that a view must show, and may."""
 
+LEAST_TOLD = 0.3
+"""Share of a twin's pixels that must differ from the background."""
+
 LEAST_RANGE = 12
 """Difference of the brightest and darkest pixels, of 255, below which a picture shows nothing."""
 
@@ -93,7 +96,9 @@ def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN)
         known = mask.valid > 0.0
         coverage = np.where(known, coverage, silhouette).astype(np.float32)
         certain = np.where(known, certain, 0.0).astype(np.float32)
-    return replace(mask, coverage=coverage, valid=certain)
+    told = float(certain[silhouette > 0.5].mean()) if (silhouette > 0.5).any() else 0.0
+    reason = "" if told >= LEAST_TOLD else f"print and background look alike in it (only {told:.0%} can be told apart)"
+    return replace(mask, coverage=coverage, valid=certain, used=not reason, reason=reason)
 
 
 def nothing_to_see(image: np.ndarray) -> str:

@@ -35,6 +35,7 @@ def read_view_masks(
     method: Method = "auto",
     *,
     ignore: PathLike | None = None,
+    require: bool = True,
     progress: ProgressCallback | None = None,
 ) -> list[ViewMask]:
     """Read all views of a capture as undistorted masks.
@@ -49,6 +50,8 @@ def read_view_masks(
     ignore
         A folder with pictures named as the views' own: what is white there, such as the robot's arm, is neither
         print nor background. Views without such a picture are seen whole.
+    require
+        Refuse a capture of which too few views can be used.
     progress
         Called after each view.
 
@@ -74,7 +77,8 @@ def read_view_masks(
         for i, mask in enumerate(jobs):
             masks.append(mask)
             report(progress, Progress("reading images", i + 1, len(capture.views)))
-    require_views(capture, masks)
+    if require:
+        require_views(capture, masks)
     return masks
 
 
