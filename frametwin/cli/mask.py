@@ -64,7 +64,7 @@ def command(
     from frametwin.capture.image_files import encode_png
     from frametwin.files import write_bytes
     from frametwin.imaging.mask_page import figures_of, page, seen_views, sheet
-    from frametwin.imaging.view_masks import read_view_masks, refine_view_masks, require_views
+    from frametwin.imaging.view_masks import read_view_masks, refine_view_masks
     from frametwin.twin.runs import load_run
 
     taken = read_capture(capture)
@@ -82,7 +82,6 @@ def command(
         print_json({"out": out, "views": [_figures(name, mask) for name, mask in zip(names, masks, strict=True)]})
     else:
         print_facts(f"page: {out}", [(name, figures_of(mask)) for name, mask in zip(names, masks, strict=True)])
-    require_views(taken, masks)
 
 
 def _figures(name: str, mask: ViewMask) -> dict[str, Any]:

@@ -51,6 +51,8 @@ class Neighbourhood:
         cv2.polylines(drawn, list(placed), False, (255.0,), 1, cv2.LINE_8, _SHIFT)
         distance = cv2.distanceTransform(255 - drawn, cv2.DIST_L2, 5) * _REDUCTION
         width = float(np.median(frame.radius[frame.printed])) * density
+        whole = np.zeros((camera.height, camera.width), dtype=np.uint8)
+        fine = np.rint(lines * _REDUCTION * 2.0**_SHIFT).astype(np.int32)
+        cv2.polylines(whole, list(fine), False, (255.0,), max(1, round(2.0 * width)), cv2.LINE_8, _SHIFT)
         near = cv2.resize(distance, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
-        covered = int((distance <= max(width - 0.5, 0.5)).sum()) * _REDUCTION**2
-        return cls(near <= reach * frame.extent * density + width, density, covered)
+        return cls(near <= reach * frame.extent * density + width, density, int(np.count_nonzero(whole)))

@@ -33,6 +33,7 @@ _USUAL = 6.0
 _SHADOW = (0.05, 1.6)  # factors of light that background may have
 _BRIGHTER = 1.3  # than the background nearby
 _SURE = 5.0
+_LIT = 0.75  # quantile of the background's factors that is taken to be out of all shadows
 _FACTOR_SIGMAS = (6.0, 25.0, 80.0)
 
 
@@ -80,6 +81,8 @@ def rough_mask(photo: Photograph) -> np.ndarray:
     tint, factor = photo.tint(), photo.factor
     usual = (tint < _USUAL) & (factor > _SHADOW[0]) & (factor < _SHADOW[1])
     nearby = spread(factor, usual.astype(np.float32), _FACTOR_SIGMAS)
+    if usual.any():  # a patch of light amid shadows is no print
+        nearby = np.maximum(nearby, min(1.0, float(np.quantile(factor[usual], _LIT))))
     error = 0.08 * np.maximum(nearby, 0.2) + 1.0 / np.maximum(photo.bright, 1e-6)
     brighter = (factor - nearby > _SURE * error) & (factor > _BRIGHTER * nearby)
     return photo.near & ((tint > _TINTED) | brighter)
