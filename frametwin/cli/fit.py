@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -33,6 +33,9 @@ HOLDS = ("auto", "feet", "cameras")
 
 PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven")
 """As `frametwin.fitting.api.PRESETS`, which takes seconds to import."""
+
+MASKS = ("auto", "paper")
+"""As `frametwin.imaging.view_masks.METHODS`."""
 
 
 @click.command("fit", short_help="Find the digital twin of a capture.")
@@ -83,6 +86,19 @@ PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven
     help="What holds the world when cameras move: the feet on the plate, the cameras, or whichever is more probable.",
 )
 @click.option("--strict", is_flag=True, help="Exit with 3 if the verdict on the twin is wrong.")
+@click.option(
+    "--mask",
+    type=click.Choice(MASKS),
+    default="auto",
+    show_default=True,
+    help="What becomes of photos: auto keeps the shaded side of struts; paper is the rule of the paper.",
+)
+@click.option(
+    "--ignore",
+    type=FOLDER,
+    metavar="FOLDER",
+    help="Pictures named as the views' own, white where nothing is to be looked at, such as the robot's arm.",
+)
 @overwrite_option("RUN")
 @quiet_option
 @json_option
@@ -94,8 +110,8 @@ def command(**options: Any) -> None:
     (field.safetensors) and the plan (frame.json). Struts that are missing or broken off are named, and so
     are those that the views do not determine.
 
-    The pictures are masks (white print, black ground), or photos of bright struts on a darker ground, better
-    with the same views before printing in CAPTURE/background.
+    The pictures are masks (white print, black ground), or photos, better with the same views before printing in
+    CAPTURE/background. What is taken for print in photos is shown by "frametwin mask".
 
     \b
     Examples:
@@ -119,6 +135,8 @@ class FitOptions:
     cameras: str
     anchor: str
     strict: bool
+    mask: Literal["auto", "paper"]
+    ignore: Path | None
     overwrite: bool
     quiet: bool
     as_json: bool
@@ -137,7 +155,14 @@ def _fit(options: FitOptions) -> None:
     capture = read_capture(options.capture)
     with Display(options.quiet) as display:
         result = fit_capture(
-            capture, preset, seed=seed, changes=changes, warm_start=options.warm_start, callback=display
+            capture,
+            preset,
+            seed=seed,
+            changes=changes,
+            warm_start=options.warm_start,
+            mask=options.mask,
+            ignore=options.ignore,
+            callback=display,
         )
         write_run(options.out, result, capture, overwrite=options.overwrite)
     data = fit_summary(result.twin, capture.frame)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,10 +21,12 @@ from frametwin.files import PathLike, staged_directory
 from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, LENS, SHIFT, TURN
 from frametwin.fitting.judgement import verdict
 from frametwin.fitting.part_fit import PartFit
+from frametwin.fitting.photo_fit import ROUNDS, fit_by_turns
 from frametwin.fitting.presets import PRESETS, fitter_of, settings_of
 from frametwin.formats import write_frame
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.imaging.masks import read_masks
+from frametwin.imaging.photo_masks import ViewMask
+from frametwin.imaging.view_masks import Method, read_view_masks
 from frametwin.progress import ProgressCallback
 from frametwin.twin import twin as twin_files
 from frametwin.twin.blending import blend
@@ -53,6 +56,8 @@ def fit_capture(
     seed: int = 0,
     changes: Mapping[str, Any] | None = None,
     warm_start: PathLike | None = None,
+    mask: Method = "auto",
+    ignore: PathLike | None = None,
     callback: ProgressCallback | None = None,
 ) -> FitResult:
     """Find the digital twin of a capture.
@@ -69,6 +74,8 @@ def fit_capture(
         Settings that shall differ from the preset's.
     warm_start
         A run folder or field file of an earlier fit of the same frame, from which to start.
+    mask, ignore
+        What becomes of photographs; see `frametwin.imaging.view_masks.read_view_masks`.
     callback
         Told of every step; can stop the fit.
 
@@ -80,23 +87,34 @@ def fit_capture(
         If the callback stops the fit.
     """
     began = perf_counter()
-    masks = read_masks(capture, callback)
-    cameras = [view.camera.without_distortion() for view in capture.views]
+    masks = read_view_masks(capture, mask, ignore=ignore, progress=callback)
     read = perf_counter() - began
-    result = fit_views(
-        capture.frame,
-        cameras,
-        masks,
-        preset,
-        seed=seed,
-        changes=changes,
-        start=None if warm_start is None else read_field(warm_start),
-        callback=callback,
-    )
-    twin = result.twin
+
+    def fit(cameras: list[Camera], pictures: list[np.ndarray], start: DeformationField | None) -> FitResult:
+        return fit_views(
+            capture.frame, cameras, pictures, preset, seed=seed, changes=changes, start=start, callback=callback
+        )
+
+    start = None if warm_start is None else read_field(warm_start)
+    rounds = ROUNDS if preset == "fast" else 0  # the others cannot start from a twin
+    result, seen = fit_by_turns(capture, masks, fit, start, rounds)
+    twin = _with_views_unread(result.twin, capture, seen)
     return result.with_twin(
         timing={"read": read, **twin.timing, "total": perf_counter() - began},
         provenance={**twin.provenance, "inputs": capture.hashes},
+    )
+
+
+def _with_views_unread(twin: Twin, capture: Capture, masks: Sequence[ViewMask]) -> Twin:
+    """The twin that also tells of views whose pictures could not be used at all."""
+    unread = [(view.camera.name, mask) for view, mask in zip(capture.views, masks, strict=True) if not mask.used]
+    if not unread:
+        return twin
+    views = [{"name": name, "used": False, "unexplained": 1.0, "unseen": 1.0} for name, _ in unread]
+    told = [f"view {name} {mask.reason} and was left out: {mask.remedy}" for name, mask in unread]
+    judged = twin.verdict
+    return twin.replace(
+        views=[*twin.views, *views], verdict=dataclasses.replace(judged, reasons=(*judged.reasons, *told))
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 
@@ -52,7 +54,7 @@ def read_masks(capture: Capture, progress: ProgressCallback | None = None) -> li
     masks = []
     for i, view in enumerate(capture.views):
         mask = _read_mask(view)
-        _check_content(mask, view.image)
+        check_content(mask, view.image.path)
         straight = undistort(mask, view.camera)
         if straight is not mask and not (straight > 0.5).any():
             raise InputError.at(
@@ -67,18 +69,24 @@ def read_masks(capture: Capture, progress: ProgressCallback | None = None) -> li
 
 
 def _read_mask(view: View) -> np.ndarray:
-    image = _decode(view.image, view.camera)
+    image = decode(view.image, view.camera)
     if view.background is not None:
-        return binarise_photo(image, _decode(view.background, view.camera))
+        return binarise_photo(image, decode(view.background, view.camera))
+    mask = mask_itself(image)
+    return binarise_photo(image, None) if mask is None else mask
+
+
+def mask_itself(image: np.ndarray) -> np.ndarray | None:
+    """The mask (H, W) float32 that a picture (H, W) or (H, W, 3) uint8 is already; ``None`` if it is a photo."""
     grey = image if image.ndim == 2 else image[..., 0]
     if image.ndim == 3 and not (image == grey[..., None]).all():
-        return binarise_photo(image, None)
+        return None
     low, high = int(grey.min()), int(grey.max())
     if low < high and ((grey == low) | (grey == high)).all():  # two values, be they 0 and 1 or 0 and 255
         return (grey == high).astype(np.float32)
     if image.ndim == 2 or _is_grey_mask(grey):
         return grey.astype(np.float32) / 255.0
-    return binarise_photo(image, None)
+    return None
 
 
 def _is_grey_mask(grey: np.ndarray) -> bool:
@@ -143,7 +151,7 @@ def undistort(mask: np.ndarray, camera: Camera) -> np.ndarray:
     )
 
 
-def _decode(picture: Picture, camera: Camera) -> np.ndarray:
+def decode(picture: Picture, camera: Camera) -> np.ndarray:
     """Decode the picture of a camera as (H, W) or (H, W, 3) uint8; transparent pixels become black."""
     image = eight_bits(decoded(picture.data, picture.path))
     if image.shape[:2] != (camera.height, camera.width):
@@ -160,14 +168,28 @@ def _decode(picture: Picture, camera: Camera) -> np.ndarray:
     return image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image
 
 
-def _check_content(mask: np.ndarray, picture: Picture) -> None:
-    path = picture.path
+def check_content(mask: np.ndarray, path: Path) -> None:
+    """Refuse a mask (H, W) in 0..1 that cannot show a print.
+
+    Raises
+    ------
+    InputError
+        If so; see `content_problem`.
+    """
+    problem, remedy = content_problem(mask)
+    if problem:
+        raise InputError.at(path, "image", problem, remedy)
+
+
+def content_problem(mask: np.ndarray) -> tuple[str, str]:
+    """Why a mask (H, W) in 0..1 cannot show a print, and what to do about it; empty if it can."""
     remedy = "give a picture of the print: bright struts on a dark background, or a mask of them"
     share = float(np.mean(mask > 0.5))
     if share < _LEAST_CONTENT:
-        raise InputError.at(path, "image", "shows nothing of the print (all black)", remedy)
+        return "shows nothing of the print (all black)", remedy
     if share == 1.0:
-        raise InputError.at(path, "image", "is white all over", remedy)
+        return "is white all over", remedy
     border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
     if np.mean(border > 0.5) > _WHITE_BORDER:
-        raise InputError.at(path, "image", "has a white background", f"invert it, or {remedy}")
+        return "has a white background", f"invert it, or {remedy}"
+    return "", ""
