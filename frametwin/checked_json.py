@@ -130,7 +130,8 @@ def _converted(value: Any, hint: Any, source: str, field: str) -> Any:
         return kind(_items(value, hint, source, field))
     if dataclasses.is_dataclass(kind) and isinstance(value, dict):
         assert isinstance(kind, type)
-        given = convert_fields(kind, value, source)
+        with told_of(source, field):
+            given = convert_fields(kind, value, source)
         for item in dataclasses.fields(kind):
             needed = item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
             if needed and item.name not in given:

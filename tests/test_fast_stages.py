@@ -68,7 +68,9 @@ def test_the_loss_of_a_step_is_the_mean_over_the_pixels_that_it_looked_at() -> N
 
 
 def test_smooth_stages_stay_within_their_motions() -> None:
-    coarse = (CoarseStage(1.0, 1.0, 6, 4), CoarseStage(2.0, 0.7, 6, 4))
+    coarse = tuple(
+        CoarseStage(detail=detail, blur=blur, iterations=6, pieces=4) for detail, blur in ((1.0, 1.0), (2.0, 0.7))
+    )
     problem, state = problem_of(masks_of(shifted((0.8, -0.5, 0.0))), settings=FastSettings(coarse=coarse))
     motions = rigid_motions(PLAN.vertices)
     after = smooth_stages(problem, state, motions, pull=1.0)

@@ -64,8 +64,8 @@ def test_files_that_are_none(tmp_path: Path) -> None:
 def test_the_hash_of_a_file_is_the_standards(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"abc")  # FIPS 180-2, appendix B.1
     assert file_hash(tmp_path / "a") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-    for path in (tmp_path, tmp_path / "missing"):
-        with pytest.raises(InputError, match="cannot be read .*; find it again") as caught:
+    for path, words in ((tmp_path, "cannot be read .*; find it again"), (tmp_path / "missing", "does not exist; ")):
+        with pytest.raises(InputError, match=words) as caught:
             read_bytes(path, remedy="find it again")
         assert str(caught.value).startswith(f"{path}: file: ")
 

@@ -130,6 +130,7 @@ def random_terms(frame: Wireframe, seed: int) -> Terms:
         joint_hessian=joint_root @ joint_root.transpose(0, 2, 1),
         joint_gradient=np.einsum("vij,vj->vi", joint_root, rng.normal(size=(frame.vertex_count, 2))),
         widths=np.zeros((frame.strut_count, 1, 2)),
+        joint_widths=np.zeros((frame.vertex_count, 2)),
     )
 
 

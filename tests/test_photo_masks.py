@@ -147,7 +147,7 @@ def test_a_black_picture_is_named_and_the_others_serve(tmp_path: Path) -> None:
 
 def test_too_few_views_are_refused(tmp_path: Path) -> None:
     capture = photo_capture(tmp_path / "c", tower(), LEAST_VIEWS, black=(1,))
-    with pytest.raises(InputError, match=f"{capture.views[1].image.name}.*black"):
+    with pytest.raises(InputError, match=f"{capture.views[1].image.path.name}.*black"):
         read_view_masks(capture)
 
 
@@ -157,7 +157,7 @@ def test_what_is_to_be_ignored_tells_nothing(tmp_path: Path) -> None:
     arm = np.zeros((120, 160), dtype=np.uint8)
     arm[:, 60:90] = 255
     (tmp_path / "arm").mkdir()
-    cv2.imwrite(str(tmp_path / "arm" / capture.views[0].image.name), arm)
+    cv2.imwrite(str(tmp_path / "arm" / capture.views[0].image.path.name), arm)
     masks = read_view_masks(capture, ignore=tmp_path / "arm")
     assert masks[1].valid is None and masks[0].valid is not None
     np.testing.assert_array_equal(masks[0].valid == 0.0, arm > 0)

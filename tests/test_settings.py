@@ -294,7 +294,7 @@ def test_a_job_file_is_checked_and_named(tmp_path: Path, place: tuple[str, ...],
 
 def test_settings_of_a_job_come_back_as_they_were() -> None:
     options = PlanOptions(base=np.eye(4), workspace=[0, 0, 0, 300, 300, 300], max_speed=100)
-    settings = options.job(tower())
+    settings = options.job(tower(), options.order(tower()).nozzle)
     text = json.dumps(settings.as_dict(), default=lambda array: array.tolist())
     again = JobSettings.from_dict(json.loads(text), "job.json")
     assert again.robot.as_dict()["workspace"]["base"].tolist() == np.eye(4).tolist()

@@ -75,7 +75,7 @@ def consistent_fit(problem: Problem, field: DeformationField | None) -> Consiste
         state = _begun(part, State.planned(part, record), field)
         misfit = _misfit(part, state, problem.settings.refine[-1])
         wrong = disagreeing(misfit.total)
-        if not wrong.size or len(used) - len(wrong) < FEWEST:
+        if not problem.settings.leave_out_views or not wrong.size or len(used) - len(wrong) < FEWEST:
             break
         record, used = state.record, np.delete(used, wrong)
     state = _finished(part, recover(part, state))

@@ -109,6 +109,7 @@ class FastSettings(Changeable):
     field_cells : cells of the lattices of the field that is fitted to the result, along the longest side.
     cameras : one of `CAMERAS`: ``exact`` takes the rig as it is; ``auto`` lets cameras move within its errors where the
         pictures ask for it.
+    leave_out_views : whether views that disagree with all others are left out.
     hold : one of `HOLDS`: what holds the world when cameras move. ``feet`` on the plate, the ``cameras``, or ``auto``:
         the feet, unless all cameras would have to have moved together for it.
     rig_errors : standard deviations of what the rig says.
@@ -149,6 +150,7 @@ class FastSettings(Changeable):
     absent: Share = 0.5
     field_cells: Cells = (2, 5)
     cameras: Annotated[str, one_of(CAMERAS)] = "auto"
+    leave_out_views: bool = True
     hold: Annotated[str, one_of(HOLDS)] = "auto"
     rig_errors: RigErrors = RigErrors()
 

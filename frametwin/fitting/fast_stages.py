@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from frametwin.fitting import camera_steps, presence
+from frametwin.fitting.camera_freedoms import NOISE
 from frametwin.fitting.fast_settings import CoarseStage, Stage
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of, stepped, terms_of, view_terms_of
 from frametwin.fitting.held import held_by
@@ -14,6 +15,9 @@ from frametwin.fitting.joint_sizes import learn_joint_sizes
 from frametwin.fitting.loads import load_answers, rigid_motions, smooth_warps
 from frametwin.fitting.motion import free_step, smooth_descent
 from frametwin.raster.rods import Terms
+
+SIGNIFICANT = 3.0
+"""How many times more than by chance free cameras must lower the loss to be asked for."""
 
 WEAK = 1e-4
 """What is left of the weight of a strut that is astray, while its neighbours place it."""
@@ -130,10 +134,15 @@ def camera_system(problem: Problem, state: State, stage: Stage) -> tuple[Terms, 
 
 
 def camera_gain(problem: Problem, state: State, stage: Stage) -> float:
-    """By what share the loss would fall, to second order, were the cameras free within the rig's errors."""
+    """By what share the loss would fall, to second order, were the cameras free within the rig's errors.
+
+    0 where it is no more than so many freedoms gain by chance: few pixels are explained better by anything.
+    """
     asked = state if state.cameras is not None else replace(state, cameras=problem.exact_cameras())
     terms, system = camera_system(problem, asked, stage)
-    return camera_steps.gain_of_cameras(system) / max(terms.loss, 1e-12)
+    gain = camera_steps.gain_of_cameras(system)
+    by_chance = 0.5 * NOISE**2 * len(system.slope)
+    return gain / max(terms.loss, 1e-12) if gain > SIGNIFICANT * by_chance else 0.0
 
 
 def recover(problem: Problem, state: State) -> State:

@@ -20,7 +20,12 @@ from frametwin.printing.adaptation.adapt import lost_struts
 from frametwin.printing.adaptation.evidence import Pictures
 from frametwin.progress import ProgressCallback
 
+AS_GIVEN: dict[str, Any] = {"cameras": "exact", "leave_out_views": False}
+"""A job judges its views and cameras itself, batch by batch and against the rig that it was begun with; a fit that
+moved cameras would hide from it that one was touched."""
+
 WARM: dict[str, Any] = {
+    **AS_GIVEN,
     "refine": (
         Stage(detail=0.9, blur=1.5, iterations=2, pieces=4, pull=0.12, drag=1.2),
         Stage(detail=0.9, blur=1.0, iterations=2, pieces=4, pull=0.12, drag=0.4),
@@ -97,13 +102,13 @@ def fit_batch(
     # The matrices are small: threads of the linear algebra would wait for those of the splatter, and these for them.
     with threadpool_limits(limits=1, user_api="blas"):
         if not warm:
-            result, start = fit_views(expected, cameras, masks, callback=progress), "cold"
-            return BatchFit(result, start, perf_counter() - began)
+            result = fit_views(expected, cameras, masks, changes=AS_GIVEN, callback=progress)
+            return BatchFit(result, "cold", perf_counter() - began)
         still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
         result, start = fit_views(expected, cameras, masks, changes=WARM, start=still, callback=progress), "warm"
         pictures = Pictures(expected, cameras, masks)
         if _is_doubtful(pictures, expected, result):
-            other = fit_views(expected, cameras, masks, callback=progress)
+            other = fit_views(expected, cameras, masks, changes=AS_GIVEN, callback=progress)
             result = min((result, other), key=lambda found: _disagreement(pictures, expected, found))
             start = "warm, then cold"
     return BatchFit(result, start, perf_counter() - began)
