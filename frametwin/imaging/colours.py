@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from frametwin.imaging.photograph import Photograph
+from frametwin.imaging.photograph import DARK, Photograph
 
 _VISIBLE = 5.0  # brightness of a background, in multiples of its noise, before which dark print shows
 _DARK_PRINT = -1.0  # logarithm of the light below which a print is dark beside its background
 _PART_OF_DARK = 0.7
+_SURELY_PRINT = 0.3  # share of the plan's pixels that are taken for print by how much they differ
 
 _BINS = 12  # of brightness, and of each of two ratios of colours
 _BIN_BLUR = 0.7
@@ -31,6 +32,27 @@ def darker_than_shadows(photo: Photograph) -> np.ndarray:
     share = min(0.5 * where.expected / int(visible.sum()), 1.0)
     usual = float(np.quantile(brightness[visible], share))
     return np.asarray(visible & (usual < _DARK_PRINT) & (brightness < _PART_OF_DARK * usual))
+
+
+def tinted_as_print(photo: Photograph, tint: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool whose colour lies from the background's towards that of the print.
+
+    Shadows change their colour too, by light from the surroundings and by the camera's curve, but not towards the
+    print's, which is that of the pixels that differ most from the background.
+    """
+    near = photo.near
+    if not near.any():
+        return near
+    share = min(_SURELY_PRINT * photo.neighbourhood.expected / int(near.sum()), 1.0)
+    strong = near & (tint >= np.quantile(tint[near], 1.0 - share))
+    colour, ground = _chromaticity(photo.light), _chromaticity(photo.background)
+    step = np.median(colour[strong], axis=0) - ground
+    towards = ((colour - ground) * step).sum(axis=-1) > 0.0
+    return np.asarray(towards | (photo.bright <= DARK))
+
+
+def _chromaticity(light: np.ndarray) -> np.ndarray:
+    return np.asarray(light / np.maximum(light.sum(axis=-1, keepdims=True), 1e-4))
 
 
 def as_common_outside(photo: Photograph) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frametwin.imaging.colours import as_common_outside, darker_than_shadows
+from frametwin.imaging.colours import as_common_outside, darker_than_shadows, tinted_as_print
 from frametwin.imaging.coverage import coverage_about, first_coverage
 from frametwin.imaging.light import spread
 from frametwin.imaging.photograph import Photograph
@@ -87,7 +87,7 @@ def rough_mask(photo: Photograph) -> np.ndarray:
         nearby = np.maximum(nearby, min(1.0, float(np.quantile(factor[usual], _LIT))))
     error = 0.08 * np.maximum(nearby, 0.2) + 1.0 / np.maximum(photo.bright, 1e-6)
     brighter = (factor - nearby > _SURE * error) & (factor > _BRIGHTER * nearby)
-    found = photo.near & ((tint > _TINTED) | brighter)
+    found = photo.near & (((tint > _TINTED) & tinted_as_print(photo, tint)) | brighter)
     if not photo.has_reference:
         found &= ~as_common_outside(photo)
     if found.sum() < _ENOUGH * photo.neighbourhood.expected:
