@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from frametwin.imaging.colours import as_common_outside, darker_than_shadows, tinted_as_print
 from frametwin.imaging.coverage import coverage_about, first_coverage
 from frametwin.imaging.light import spread
 from frametwin.imaging.photograph import Photograph
@@ -33,6 +34,7 @@ _USUAL = 6.0
 _SHADOW = (0.05, 1.6)  # factors of light that background may have
 _BRIGHTER = 1.3  # than the background nearby
 _SURE = 5.0
+_ENOUGH = 0.5  # share of the plan's pixels below which brightness alone is asked too
 _LIT = 0.75  # quantile of the background's factors that is taken to be out of all shadows
 _FACTOR_SIGMAS = (6.0, 25.0, 80.0)
 
@@ -85,7 +87,12 @@ def rough_mask(photo: Photograph) -> np.ndarray:
         nearby = np.maximum(nearby, min(1.0, float(np.quantile(factor[usual], _LIT))))
     error = 0.08 * np.maximum(nearby, 0.2) + 1.0 / np.maximum(photo.bright, 1e-6)
     brighter = (factor - nearby > _SURE * error) & (factor > _BRIGHTER * nearby)
-    return photo.near & ((tint > _TINTED) | brighter)
+    found = photo.near & (((tint > _TINTED) & tinted_as_print(photo, tint)) | brighter)
+    if not photo.has_reference:
+        found &= ~as_common_outside(photo)
+    if found.sum() < _ENOUGH * photo.neighbourhood.expected:
+        found |= darker_than_shadows(photo)
+    return found
 
 
 def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN) -> ViewMask:
