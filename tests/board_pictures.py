@@ -19,6 +19,7 @@ from frametwin.cameras.rig_file import RigCamera
 FINE = 4
 """Samples along each side of a pixel."""
 
+AS_IT_SHOULD_BE = Look()
 WHITE, BLACK, GROUND = 215.0, 25.0, 120.0
 Shape = tuple[np.ndarray, np.ndarray]
 STEP = 8  # pixels between the places where the lens is inverted; a spline lies between
@@ -62,7 +63,7 @@ class RayField:
 
 
 def draw_board(
-    field: RayField, board: Board, pose: np.ndarray, look: Look = Look(), noise: Noise | None = None
+    field: RayField, board: Board, pose: np.ndarray, look: Look = AS_IT_SHOULD_BE, noise: Noise | None = None
 ) -> np.ndarray:
     """A picture (H, W) uint8 of a board.
 

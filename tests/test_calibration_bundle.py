@@ -45,7 +45,9 @@ def shaken(bundle: Bundle, size: float, seed: int = 3) -> tuple[Bundle, np.ndarr
     layout = module._Layout(bundle)
     x = np.zeros(layout.count)
     for eye, columns in zip(bundle.eyes, layout.eyes, strict=True):
-        scale = np.concatenate([[5.0, 5.0, 3.0, 3.0], np.full(len(eye.lens) - 4, 0.002), np.full(3, 0.02), np.full(3, 5.0)])
+        scale = np.concatenate(
+            [[5.0, 5.0, 3.0, 3.0], np.full(len(eye.lens) - 4, 0.002), np.full(3, 0.02), np.full(3, 5.0)]
+        )
         x[columns[columns >= 0]] = (rng.normal(size=len(columns)) * scale)[columns >= 0]
     for columns in layout.bodies:
         x[columns] = rng.normal(size=6) * np.array([0.05] * 3 + [5.0] * 3)
@@ -56,13 +58,19 @@ def shaken(bundle: Bundle, size: float, seed: int = 3) -> tuple[Bundle, np.ndarr
 def test_derivatives_are_those_of_finite_differences(model: str) -> None:
     bundle, x, layout = shaken(problem(model, 2, 2), 1.0)
     bundle = module.moved(bundle, x, layout)
-    for link in bundle.links:
-        by_eye, by_body = module._link_jacobian(bundle, link)
-        for matrix, columns in ((by_eye, layout.eyes[link.eye]), (by_body, layout.bodies[link.body])):
-            for i in np.flatnonzero(columns >= 0):
-                step = np.eye(layout.count)[columns[i]] * 1e-6
-                ahead, behind = (module._link_residuals(module.moved(bundle, s * step, layout), link) for s in (1, -1))
-                np.testing.assert_allclose(matrix[:, i], -(ahead - behind).ravel() / 2e-6, rtol=1e-4, atol=2e-2)
+    batches = module._batches(bundle)
+    for batch in batches:
+        by_eye, by_body = module._jacobian(bundle, batch)
+        for number, begin, end in batch.spans:
+            body = layout.bodies[bundle.links[number].body]
+            for matrix, columns in ((by_eye, layout.eyes[batch.eye]), (by_body, body)):
+                for i in np.flatnonzero(columns >= 0):
+                    step = np.eye(layout.count)[columns[i]] * 1e-6
+                    ahead, behind = (
+                        module._residuals(module.moved(bundle, s * step, layout), batch)[begin:end] for s in (1, -1)
+                    )
+                    slope = -(ahead - behind).ravel() / 2e-6
+                    np.testing.assert_allclose(matrix[2 * begin : 2 * end, i], slope, rtol=1e-4, atol=2e-2)
 
 
 def errors(found: Solution, wanted: Bundle) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.spatial.transform import Rotation
 
-from frametwin.cameras.lens_models import project
+from frametwin.cameras.lens_models import PERSPECTIVE, project
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -179,18 +179,19 @@ def solve(
         Called before each step; may raise to stop.
     """
     layout = _Layout(bundle)
-    damping, cost = 1e-4, _cost(bundle, robust_px)
+    batches = _batches(bundle)
+    damping, cost = 1e-4, _cost(bundle, batches, robust_px)
     for _ in range(steps if layout.count else 0):
         if watch is not None:
             watch()
-        normal, gradient = _normal_equations(bundle, layout, robust_px)
+        normal, gradient = _normal_equations(bundle, batches, layout, robust_px)
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         scaled, slope = normal / np.outer(scale, scale), gradient / scale
         step, trial, trial_cost = np.zeros(layout.count), bundle, cost
         while damping < 1e8:
             step = _damped_step(scaled, slope, damping)
             trial = moved(bundle, step / scale, layout)
-            trial_cost = _cost(trial, robust_px)
+            trial_cost = _cost(trial, batches, robust_px)
             if trial_cost <= cost:
                 break
             damping *= 10.0
@@ -200,9 +201,9 @@ def solve(
         damping = max(0.1 * damping, 1e-12)
         if np.abs(step).max() < SETTLED or gain <= 1e-14 * cost:
             break
-    left = tuple(_link_residuals(bundle, link) for link in bundle.links)
+    left = _link_residuals(bundle, batches)
     sigma = _sigma(bundle, left, layout.count)
-    matrix = _covariance(bundle, layout, sigma) if covariance else None
+    matrix = _covariance(bundle, batches, layout, sigma) if covariance else None
     return Solution(bundle, left, sigma, matrix, layout.eyes)
 
 
@@ -237,38 +238,83 @@ def _picked(x: Floats, columns: Integers) -> Floats:
     return np.where(columns >= 0, x[np.maximum(columns, 0)] if len(x) else 0.0, 0.0)
 
 
-def _local(bundle: Bundle, link: Link) -> tuple[Floats, Floats]:
-    """Points of a link in the world and in the camera's axes."""
-    body, eye = bundle.bodies[link.body], bundle.eyes[link.eye]
-    world = link.points @ body.pose[:3, :3].T + body.pose[:3, 3]
-    return world, (world - eye.camera_to_world[:3, 3]) @ eye.camera_to_world[:3, :3]
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """All that one camera sees, in one piece, so that numpy does the work.
+
+    Attributes
+    ----------
+    eye
+        Number of the camera.
+    points, pixels
+        Of its links, one after the other.
+    body : (N,) array
+        Number of the body of each point.
+    weight : (N,) array
+        Of each point.
+    spans
+        Of each link: its number, and where its points begin and end.
+    """
+
+    eye: int
+    points: Floats
+    pixels: Floats
+    body: Integers
+    weight: Floats
+    spans: tuple[tuple[int, int, int], ...]
 
 
-def _link_residuals(bundle: Bundle, link: Link) -> Floats:
-    eye = bundle.eyes[link.eye]
-    local = _local(bundle, link)[1]
+def _batches(bundle: Bundle) -> list[_Batch]:
+    """The links of each camera that has any."""
+    found = []
+    for eye in sorted({link.eye for link in bundle.links}):
+        numbers = [i for i, link in enumerate(bundle.links) if link.eye == eye]
+        links = [bundle.links[i] for i in numbers]
+        sizes = [len(link.points) for link in links]
+        ends = np.cumsum(sizes).tolist()
+        spans = tuple((i, end - size, end) for i, size, end in zip(numbers, sizes, ends, strict=True))
+        body = np.repeat([link.body for link in links], sizes)
+        weight = np.repeat([link.weight for link in links], sizes)
+        points, pixels = (np.concatenate(parts) for parts in ([k.points for k in links], [k.pixels for k in links]))
+        found.append(_Batch(eye, points, pixels, body, weight, spans))
+    return found
+
+
+def _local(bundle: Bundle, batch: _Batch) -> tuple[Floats, Floats]:
+    """Points of a batch in the world and in the camera's axes."""
+    poses, place = np.array([body.pose for body in bundle.bodies]), bundle.eyes[batch.eye].camera_to_world
+    world = np.einsum("nij,nj->ni", poses[batch.body, :3, :3], batch.points) + poses[batch.body, :3, 3]
+    return world, (world - place[:3, 3]) @ place[:3, :3]
+
+
+def _residuals(bundle: Bundle, batch: _Batch) -> Floats:
+    """(N, 2) seen less computed, px."""
+    eye = bundle.eyes[batch.eye]
+    local = _local(bundle, batch)[1]
     with np.errstate(all="ignore"):
-        left = link.pixels - project(eye.model, eye.lens, local)[0]
-    bad = ~np.isfinite(left).all(axis=1) | ((local[:, 2] <= 0.0) & (eye.model == "OPENCV"))
+        left = batch.pixels - project(eye.model, eye.lens, local)[0]
+    bad = ~np.isfinite(left).all(axis=1) | ((local[:, 2] <= 0.0) & (eye.model == PERSPECTIVE))
     return np.where(bad[:, None], HIDDEN, np.clip(left, -1e6, 1e6))
 
 
-def _prior_root(eye: Eye) -> Floats | None:
-    """(F, P) matrix whose product with the lens' distance from its mean is a unit Gaussian."""
-    if eye.prior is None:
-        return None
-    values, vectors = np.linalg.eigh(eye.prior)
-    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+def _link_residuals(bundle: Bundle, batches: Sequence[_Batch]) -> tuple[Floats, ...]:
+    """Residuals (N, 2) of every link, in the order of the links."""
+    found: list[Floats] = [np.zeros((0, 2))] * len(bundle.links)
+    for batch in batches:
+        left = _residuals(bundle, batch)
+        for number, begin, end in batch.spans:
+            found[number] = left[begin:end]
+    return tuple(found)
 
 
-def _cost(bundle: Bundle, robust_px: float | None) -> float:
-    """Half of what is minimised, in squared pixels."""
+def _cost(bundle: Bundle, batches: Sequence[_Batch], robust_px: float | None) -> float:
+    """Half of what is minimised."""
     total = 0.0
-    for link in bundle.links:
-        square = (_link_residuals(bundle, link) ** 2).sum(axis=1)
+    for batch in batches:
+        square = (_residuals(bundle, batch) ** 2).sum(axis=1)
         if robust_px is not None:
             square = 2.0 * robust_px**2 * (np.sqrt(1.0 + square / robust_px**2) - 1.0)
-        total += float(square.sum()) * link.weight**2
+        total += float((square * batch.weight**2).sum())
     for eye in bundle.eyes:
         if eye.prior is not None:
             off = eye.lens - eye.prior_mean
@@ -276,41 +322,51 @@ def _cost(bundle: Bundle, robust_px: float | None) -> float:
     return 0.5 * total
 
 
-def _normal_equations(bundle: Bundle, layout: _Layout, robust_px: float | None) -> tuple[Floats, Floats]:
+def _normal_equations(
+    bundle: Bundle, batches: Sequence[_Batch], layout: _Layout, robust_px: float | None
+) -> tuple[Floats, Floats]:
     """Matrix (U, U) and right-hand side (U,) of a Gauss-Newton step; far-off corners count less."""
     normal, gradient = np.zeros((layout.count, layout.count)), np.zeros(layout.count)
-
-    def add(block: Floats, rows: Integers, columns: Integers) -> None:
-        normal[np.ix_(rows[rows >= 0], columns[columns >= 0])] += block[np.ix_(rows >= 0, columns >= 0)]
-
-    for link in bundle.links:
-        left = _link_residuals(bundle, link)
-        share = np.full(len(left), link.weight**2)
+    for batch in batches:
+        left = _residuals(bundle, batch)
+        share = batch.weight**2
         if robust_px is not None:
             share = share / np.sqrt(1.0 + (left**2).sum(axis=1) / robust_px**2)
-        by_eye, by_body = _link_jacobian(bundle, link)
+        columns = layout.eyes[batch.eye]
+        own = columns[columns >= 0]
+        by_eye, by_body = _jacobian(bundle, batch)
+        by_eye = by_eye[:, columns >= 0]
         heavy = np.repeat(share, 2)[:, None]
-        eye, body = layout.eyes[link.eye], layout.bodies[link.body]
-        add(by_eye.T @ (heavy * by_eye), eye, eye)
-        add(by_body.T @ (heavy * by_body), body, body)
-        mixed = by_eye.T @ (heavy * by_body)
-        add(mixed, eye, body)
-        add(mixed.T, body, eye)
-        pull = heavy[:, 0] * left.ravel()
-        gradient[eye[eye >= 0]] += (by_eye.T @ pull)[eye >= 0]
-        gradient[body[body >= 0]] += (by_body.T @ pull)[body >= 0]
-    for i, eye_now in enumerate(bundle.eyes):
-        if eye_now.prior is not None:
-            own = layout.eyes[i][: len(eye_now.lens)]
-            add(eye_now.prior, own, own)
-            gradient[own[own >= 0]] -= (eye_now.prior @ (eye_now.lens - eye_now.prior_mean))[own >= 0]
+        heavy_eye, heavy_body, pull = heavy * by_eye, heavy * by_body, heavy[:, 0] * left.ravel()
+        normal[np.ix_(own, own)] += by_eye.T @ heavy_eye
+        gradient[own] += by_eye.T @ pull
+        for number, begin, end in batch.spans:
+            body = layout.bodies[bundle.links[number].body]
+            if body[0] < 0:
+                continue
+            lines, place = slice(2 * begin, 2 * end), slice(int(body[0]), int(body[0]) + 6)
+            normal[place, place] += by_body[lines].T @ heavy_body[lines]
+            gradient[place] += by_body[lines].T @ pull[lines]
+            mixed = by_eye[lines].T @ heavy_body[lines]
+            normal[own, place] += mixed
+            normal[place, own] += mixed.T
+    _add_priors(bundle, layout, normal, gradient)
     return normal, gradient
 
 
-def _link_jacobian(bundle: Bundle, link: Link) -> tuple[Floats, Floats]:
-    """Derivatives of a link's computed pixels by its camera (2N, P + 6) and by its body (2N, 6)."""
-    eye, body = bundle.eyes[link.eye], bundle.bodies[link.body]
-    world, local = _local(bundle, link)
+def _add_priors(bundle: Bundle, layout: _Layout, normal: Floats, gradient: Floats) -> None:
+    for eye, columns in zip(bundle.eyes, layout.eyes, strict=True):
+        if eye.prior is not None:
+            own = columns[: len(eye.lens)]
+            there = own >= 0
+            normal[np.ix_(own[there], own[there])] += eye.prior[np.ix_(there, there)]
+            gradient[own[there]] -= (eye.prior @ (eye.lens - eye.prior_mean))[there]
+
+
+def _jacobian(bundle: Bundle, batch: _Batch) -> tuple[Floats, Floats]:
+    """Derivatives of a batch's computed pixels by its camera (2N, P + 6) and by each point's body (2N, 6)."""
+    eye = bundle.eyes[batch.eye]
+    world, local = _local(bundle, batch)
     with np.errstate(all="ignore"):
         _, by_local, by_lens = project(eye.model, eye.lens, local)
     by_local = np.where(np.isfinite(by_local), by_local, 0.0)
@@ -318,7 +374,8 @@ def _link_jacobian(bundle: Bundle, link: Link) -> tuple[Floats, Floats]:
     by_turn = by_local @ _cross(local)  # the camera turns by w: local becomes exp(-w) local
     by_world = by_local @ eye.camera_to_world[:3, :3].T
     by_eye = np.concatenate([by_lens, by_turn, -by_world], axis=2)
-    by_body = np.concatenate([-by_world @ _cross(world - body.pose[:3, 3]), by_world], axis=2)
+    origins = np.array([body.pose[:3, 3] for body in bundle.bodies])[batch.body]
+    by_body = np.concatenate([-by_world @ _cross(world - origins), by_world], axis=2)
     count = 2 * len(world)
     return by_eye.reshape(count, -1), by_body.reshape(count, -1)
 
@@ -341,15 +398,11 @@ def _sigma(bundle: Bundle, left: Sequence[Floats], unknowns: int) -> float:
     return float(np.sqrt((weighted**2).sum() / max(freedom, 1)))
 
 
-def _covariance(bundle: Bundle, layout: _Layout, sigma: float) -> Floats:
+def _covariance(bundle: Bundle, batches: Sequence[_Batch], layout: _Layout, sigma: float) -> Floats:
     """Inverse of the normal equations, corners as sure as sigma says; priors keep their own size."""
     without = replace(bundle, eyes=tuple(replace(eye, prior=None) for eye in bundle.eyes))
-    normal = _normal_equations(without, layout, None)[0] / max(sigma, 1e-12) ** 2
-    for eye, columns in zip(bundle.eyes, layout.eyes, strict=True):
-        if eye.prior is not None:
-            own = columns[: len(eye.lens)]
-            there = own >= 0
-            normal[np.ix_(own[there], own[there])] += eye.prior[np.ix_(there, there)]
+    normal = _normal_equations(without, batches, layout, None)[0] / max(sigma, 1e-12) ** 2
+    _add_priors(bundle, layout, normal, np.zeros(layout.count))
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal * np.outer(scale, scale)
     try:

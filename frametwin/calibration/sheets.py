@@ -167,6 +167,8 @@ def _explain(result: Sheet, board: Board) -> None:
     if board.kind == "checkerboard":
         words[1] += f"   ({board.columns + 1} x {board.rows + 1} squares of {board.square:g} mm)"
     if board.kind == "cuboid":
-        words[0] = "Print at 100 %; the ruler has to be 100 mm long. Cut the lines, fold the dashed ones, glue on a block."
+        words[0] = (
+            "Print at 100 %; the ruler has to be 100 mm long. Cut the lines, fold the dashed ones, glue on a block."
+        )
     for i, text in enumerate(words):
         result.words.append((text, MARGIN + 4.0, MARGIN + 6.0 - 4.5 * i, 2.6))

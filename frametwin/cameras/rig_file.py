@@ -155,7 +155,14 @@ def _moved(camera: RigCamera, motion: Floats) -> RigCamera:
 
 def write_rig(folder: Path, rig: Rig) -> None:
     """Write ``rig.json`` and, where the poses are known, ``transforms.json`` into a folder that exists."""
-    data = {
+    write_json(folder / FILE_NAME, rig_data(rig))
+    if rig.world != "none":
+        write_json(folder / "transforms.json", transforms(rig))
+
+
+def rig_data(rig: Rig) -> dict[str, Any]:
+    """What ``rig.json`` holds."""
+    return {
         "format": FORMAT,
         "version": VERSION,
         "date": rig.date,
@@ -166,9 +173,6 @@ def write_rig(folder: Path, rig: Rig) -> None:
         "left_out": list(rig.left_out),
         "cameras": [_written(camera) for camera in rig.cameras],
     }
-    write_json(folder / FILE_NAME, data)
-    if rig.world != "none":
-        write_json(folder / "transforms.json", transforms(rig))
 
 
 def _written(camera: RigCamera) -> dict[str, Any]:

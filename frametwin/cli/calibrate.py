@@ -5,6 +5,8 @@ from __future__ import annotations
 import click
 
 from frametwin.cli.calibrate_board import board_command
+from frametwin.cli.calibrate_lenses import intrinsics_command
+from frametwin.cli.calibrate_poses import extrinsics_command, place_command
 
 
 @click.group("calibrate", short_help="Calibrate cameras: board, intrinsics, extrinsics, place.")
@@ -27,5 +29,5 @@ def command() -> None:
     """
 
 
-for _command in (board_command,):
+for _command in (board_command, intrinsics_command, extrinsics_command, place_command):
     command.add_command(_command)

@@ -12,7 +12,7 @@ from frametwin import __version__
 from frametwin.cli import interrupts
 from frametwin.errors import Cancelled, FrameTwinError, InputError
 
-COMMANDS = ("demo", "simulate", "calibrate", "fit", "evaluate", "print", "dataset", "convert", "info")
+COMMANDS = ("demo", "simulate", "calibrate", "capture", "fit", "evaluate", "print", "dataset", "convert", "info")
 """In the order in which they are listed; each is a module of this package with a ``command``."""
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
