@@ -29,7 +29,7 @@ def robot_cameras(count: int, distance: float = 500.0) -> list[RigCamera]:
         lens = LENS + rng.normal(size=9) * np.array([12.0, 0, 6.0, 6.0, 0.02, 0.01, 0, 0, 0])
         lens[1] = lens[0] * 1.001
         place = camera.centre + AT[:3]
-        pose = look_at(place, np.array(AT[:3]) + (0.0, 0.0, 40.0))
+        pose = look_at(place, np.add(AT[:3], (0.0, 0.0, 40.0)))
         cameras.append(RigCamera(camera.name, *SIZE, "OPENCV", lens, pose))
     return cameras
 

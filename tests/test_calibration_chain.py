@@ -28,8 +28,8 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[RigCamera
     cameras = robot_cameras(COUNT)
     board = parse_board(BOARD)
     for k, camera in enumerate(cameras):
-        lens_pictures(folder / "lenses", camera, board, 10, seed=k)
-    moment_pictures(folder / "moments", cameras, board, 7)
+        lens_pictures(folder / "lenses", camera, board, 8, seed=k)
+    moment_pictures(folder / "moments", cameras, board, 6)
     block_pictures(folder / "block", cameras)
     block_pictures(folder / "top", cameras, "checkerboard:5x4:9", (*AT[:2], AT[2] + 70.0, AT[3]))
     return folder, cameras
@@ -64,10 +64,10 @@ def errors_of(rig: Rig, cameras: list[RigCamera]) -> tuple[list[float], list[flo
 def test_cameras_are_found_where_they_are(placed: Path, cell: tuple[Path, list[RigCamera]]) -> None:
     rig = read_rig(placed)
     places, angles = errors_of(rig, cell[1])
-    print(places, angles)
     assert rig.world == "robot"
-    # At 500 mm; four cameras of less than a megapixel, so twice what eight larger ones have to reach.
-    assert max(places) < 0.4 and max(angles) < 0.04
+    # Four cameras of 0.7 megapixels at 500 mm, eight pictures for each lens: a thousandth of the distance. What a turn
+    # of the camera and its principal point have in common is not told apart to better than a pixel, 0.06 degrees.
+    assert max(places) < 0.6 and max(angles) < 0.12
 
 
 def test_the_covariances_hold_the_errors(placed: Path, cell: tuple[Path, list[RigCamera]]) -> None:
@@ -77,9 +77,8 @@ def test_the_covariances_hold_the_errors(placed: Path, cell: tuple[Path, list[Ri
         error = np.concatenate([(found.lens - wanted.lens)[:4], found.centre - wanted.centre])
         index = [0, 1, 2, 3, -3, -2, -1]
         distances.append(float(error @ np.linalg.solve(found.covariance[np.ix_(index, index)], error)))
-    # Chi-square with 7 degrees of freedom each: a mean of 7; detection has small biases of its own.
-    print(distances)
-    assert np.mean(distances) < 20.0
+    # Chi-square with 7 degrees of freedom each, so a mean of 7; twice that is sigmas too small by 1.4.
+    assert np.mean(distances) < 14.0
 
 
 def test_the_paper_s_checkerboard_on_top_tells_the_same_world(placed: Path, cell: tuple[Path, list[RigCamera]]) -> None:
@@ -91,7 +90,6 @@ def test_the_paper_s_checkerboard_on_top_tells_the_same_world(placed: Path, cell
         (rig / file.name).write_bytes(file.read_bytes())
     done("calibrate", "place", rig, folder / "top", "--object", "checkerboard:5x4:9", "--at", at, "--quiet")
     places, angles = errors_of(read_rig(rig), cameras)
-    print(places, angles)
     assert max(places) < 2.0 and max(angles) < 0.3  # a small flat board tells a world less well
 
 
@@ -118,7 +116,7 @@ def test_a_capture_is_made_of_raw_pictures(placed: Path, cell: tuple[Path, list[
     pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     for view, camera in zip(capture.views, cameras[:3], strict=True):
         wanted = pose[:3, :3].T @ (camera.centre - AT[:3])  # in the plan's axes
-        assert np.linalg.norm(view.camera.centre - wanted) < 0.4
+        assert np.linalg.norm(view.camera.centre - wanted) < 0.6
     assert "cam_0" in refused("capture", placed, tmp_path, "--frame", plan, "--out", tmp_path / "none")
 
 
@@ -126,7 +124,7 @@ def test_the_page_is_one_file_with_every_camera(placed: Path) -> None:
     text = (placed / "report.html").read_text(encoding="utf-8")
     for word in ("cam_0", "cam_3", "Coverage", "Residuals", "at the print", "px in the middle", "viewBox"):
         assert word in text
-    assert "http://" not in text and "https://" not in text and "src=\"data:image/png" in text
+    assert "http://" not in text and "https://" not in text and 'src="data:image/png' in text
 
 
 def test_steps_out_of_order_are_told(cell: tuple[Path, list[RigCamera]], placed: Path, tmp_path: Path) -> None:

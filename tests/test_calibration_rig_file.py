@@ -42,9 +42,10 @@ def some_rig(world: str = "robot") -> Rig:
                 {"rms_px": 0.1},
             )
         )
-    left_out = ({"camera": "cam_0", "picture": "02", "reason": "blurred"},)
     placed = {"kind": "cuboid", "at": [1.0, 2.0, 3.0, 90.0]}
-    return Rig(tuple(cameras), world, "charuco:4x5:54", placed, "2026-11-29T10:00:00", ("a note",), left_out)
+    notes = ({"step": "place", "text": "a note"},)
+    left_out = ({"step": "intrinsics", "camera": "cam_0", "picture": "02", "reason": "blurred"},)
+    return Rig(tuple(cameras), world, "charuco:4x5:54", placed, "2026-11-29T10:00:00", notes, left_out)
 
 
 @pytest.mark.parametrize("world", ["none", "robot"])

@@ -28,7 +28,8 @@ DICTIONARIES = {
 }
 USUAL_DICTIONARY = {"charuco": "4X4_250", "aprilgrid": "APRILTAG_36h11", "cuboid": "4X4_100"}
 MARKER_SHARE = {"charuco": 0.75, "aprilgrid": 0.75, "cuboid": 2.0 / 3.0}
-CUBOID_EDGES, CUBOID_SQUARE = (50.0, 60.0, 70.0), 12.0
+CUBOID_EDGES: tuple[float, ...] = (50.0, 60.0, 70.0)
+CUBOID_SQUARE = 12.0
 """The block of the paper's section V.B in mm, and the squares on it."""
 
 LARGEST_COUNT, LARGEST_MM = 100, 5000.0

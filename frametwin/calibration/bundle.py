@@ -23,6 +23,9 @@ LARGEST_STEPS = 60
 SETTLED = 1e-6
 """Step in px, about, after which nothing more changes."""
 
+LOOSE_SURPRISE = 8.0
+"""Of a link whose body may have moved: what its surprise may be for each corner (2 is usual) before it counts less."""
+
 HIDDEN = 1e3
 """Residual in px of a point behind its camera."""
 
@@ -80,6 +83,9 @@ class Link:
         As seen, pixel centres at +0.5.
     weight
         One over the standard deviation of the pixels, relative to the others.
+    motion : (6,) array
+        How far the body may have moved from its pose when the picture was taken: standard deviations of a turn in
+        radians and of a shift in mm. None for a body that stood still.
     """
 
     eye: int
@@ -87,6 +93,7 @@ class Link:
     points: Floats
     pixels: Floats
     weight: float = 1.0
+    motion: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +167,7 @@ def solve(
     *,
     robust_px: float | None = None,
     covariance: bool = False,
+    least_sigma: float = 0.0,
     steps: int = LARGEST_STEPS,
     watch: Callable[[], object] | None = None,
 ) -> Solution:
@@ -173,6 +181,8 @@ def solve(
         Residual in px from which on corners count less and less (soft L1); None for plain least squares.
     covariance
         Whether to find the covariance.
+    least_sigma
+        What the covariance takes for the standard deviation of a corner (relative to its weight) at least.
     steps
         Most steps.
     watch
@@ -202,8 +212,8 @@ def solve(
         if np.abs(step).max() < SETTLED or gain <= 1e-14 * cost:
             break
     left = _link_residuals(bundle, batches)
-    sigma = _sigma(bundle, left, layout.count)
-    matrix = _covariance(bundle, batches, layout, sigma) if covariance else None
+    sigma = _sigma(bundle, batches, layout.count)
+    matrix = _covariance(bundle, batches, layout, max(sigma, least_sigma)) if covariance else None
     return Solution(bundle, left, sigma, matrix, layout.eyes)
 
 
@@ -307,19 +317,49 @@ def _link_residuals(bundle: Bundle, batches: Sequence[_Batch]) -> tuple[Floats, 
     return tuple(found)
 
 
+def _is_loose(bundle: Bundle, batch: _Batch) -> bool:
+    return any(bundle.links[number].motion is not None for number, _, _ in batch.spans)
+
+
 def _cost(bundle: Bundle, batches: Sequence[_Batch], robust_px: float | None) -> float:
     """Half of what is minimised."""
     total = 0.0
     for batch in batches:
-        square = (_residuals(bundle, batch) ** 2).sum(axis=1)
+        left = _residuals(bundle, batch)
+        square = (left**2).sum(axis=1)
         if robust_px is not None:
             square = 2.0 * robust_px**2 * (np.sqrt(1.0 + square / robust_px**2) - 1.0)
-        total += float((square * batch.weight**2).sum())
+        square = square * batch.weight**2
+        by_body = _jacobian(bundle, batch)[1] if _is_loose(bundle, batch) else None
+        for number, begin, end in batch.spans:
+            link = bundle.links[number]
+            if link.motion is None or by_body is None:
+                total += float(square[begin:end].sum())
+                continue
+            surprise = _surprise(link, left[begin:end], by_body[2 * begin : 2 * end])
+            if robust_px is not None:
+                usual = LOOSE_SURPRISE * (end - begin)
+                surprise = 2.0 * usual * (np.sqrt(1.0 + surprise / usual) - 1.0)
+            total += surprise
     for eye in bundle.eyes:
         if eye.prior is not None:
-            off = eye.lens - eye.prior_mean
+            off = _off(eye)
             total += float(off @ eye.prior @ off)
     return 0.5 * total
+
+
+def _without_motion(link: Link, by_body: Floats, values: Floats) -> Floats:
+    """Values (2N, ...) times the inverse covariance of a link's pixels, the body's own motion in it (Woodbury)."""
+    assert link.motion is not None
+    scaled = link.weight * by_body
+    inner = scaled.T @ scaled + np.diag(link.motion**-2.0)
+    return link.weight**2 * (values - by_body @ (link.weight**2 * np.linalg.solve(inner, by_body.T @ values)))
+
+
+def _surprise(link: Link, left: Floats, by_body: Floats) -> float:
+    """Squared Mahalanobis length of the residuals of a link whose body may have moved."""
+    flat = left.ravel()
+    return float(flat @ _without_motion(link, by_body, flat))
 
 
 def _normal_equations(
@@ -329,15 +369,11 @@ def _normal_equations(
     normal, gradient = np.zeros((layout.count, layout.count)), np.zeros(layout.count)
     for batch in batches:
         left = _residuals(bundle, batch)
-        share = batch.weight**2
-        if robust_px is not None:
-            share = share / np.sqrt(1.0 + (left**2).sum(axis=1) / robust_px**2)
         columns = layout.eyes[batch.eye]
         own = columns[columns >= 0]
         by_eye, by_body = _jacobian(bundle, batch)
         by_eye = by_eye[:, columns >= 0]
-        heavy = np.repeat(share, 2)[:, None]
-        heavy_eye, heavy_body, pull = heavy * by_eye, heavy * by_body, heavy[:, 0] * left.ravel()
+        heavy_eye, heavy_body, pull = _weighed(bundle, batch, left, by_eye, by_body, robust_px)
         normal[np.ix_(own, own)] += by_eye.T @ heavy_eye
         gradient[own] += by_eye.T @ pull
         for number, begin, end in batch.spans:
@@ -354,13 +390,40 @@ def _normal_equations(
     return normal, gradient
 
 
+def _weighed(
+    bundle: Bundle, batch: _Batch, left: Floats, by_eye: Floats, by_body: Floats, robust_px: float | None
+) -> tuple[Floats, Floats, Floats]:
+    """Both derivatives and the residuals (2N, ...), times the inverse covariance of the pixels."""
+    share = batch.weight**2
+    if robust_px is not None:
+        share = share / np.sqrt(1.0 + (left**2).sum(axis=1) / robust_px**2)
+    heavy = np.repeat(share, 2)[:, None]
+    result = heavy * by_eye, heavy * by_body, heavy[:, 0] * left.ravel()
+    for number, begin, end in batch.spans:
+        link, lines = bundle.links[number], slice(2 * begin, 2 * end)
+        if link.motion is None:
+            continue
+        arm = by_body[lines]
+        factor = 1.0
+        if robust_px is not None:
+            factor /= np.sqrt(1.0 + _surprise(link, left[begin:end], arm) / (LOOSE_SURPRISE * (end - begin)))
+        for whole, part in zip(result, (by_eye[lines], arm, left[begin:end].ravel()), strict=True):
+            whole[lines] = factor * _without_motion(link, arm, part)
+    return result
+
+
+def _off(eye: Eye) -> Floats:
+    """How far a lens is from the mean of its prior."""
+    return eye.lens if eye.prior_mean is None else eye.lens - eye.prior_mean
+
+
 def _add_priors(bundle: Bundle, layout: _Layout, normal: Floats, gradient: Floats) -> None:
     for eye, columns in zip(bundle.eyes, layout.eyes, strict=True):
         if eye.prior is not None:
             own = columns[: len(eye.lens)]
             there = own >= 0
             normal[np.ix_(own[there], own[there])] += eye.prior[np.ix_(there, there)]
-            gradient[own[there]] -= (eye.prior @ (eye.lens - eye.prior_mean))[there]
+            gradient[own[there]] -= (eye.prior @ _off(eye))[there]
 
 
 def _jacobian(bundle: Bundle, batch: _Batch) -> tuple[Floats, Floats]:
@@ -388,14 +451,15 @@ def _cross(vectors: Floats) -> Floats:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def _sigma(bundle: Bundle, left: Sequence[Floats], unknowns: int) -> float:
+def _sigma(bundle: Bundle, batches: Sequence[_Batch], unknowns: int) -> float:
     """Standard deviation of a coordinate, with what the unknowns took up allowed for."""
-    if not left:
-        return 0.0
-    weighted = np.concatenate([(part * link.weight).ravel() for part, link in zip(left, bundle.links, strict=True)])
-    given = sum(len(eye.lens) for eye in bundle.eyes if eye.prior is not None)
-    freedom = len(weighted) + given - unknowns
-    return float(np.sqrt((weighted**2).sum() / max(freedom, 1)))
+    total, count = 2.0 * _cost(bundle, batches, None), 2 * sum(len(link.points) for link in bundle.links)
+    for eye in bundle.eyes:
+        if eye.prior is not None:
+            off = _off(eye)
+            total -= float(off @ eye.prior @ off)
+            count += len(eye.lens)
+    return float(np.sqrt(max(total, 0.0) / max(count - unknowns, 1)))
 
 
 def _covariance(bundle: Bundle, batches: Sequence[_Batch], layout: _Layout, sigma: float) -> Floats:

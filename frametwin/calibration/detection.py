@@ -23,8 +23,8 @@ STRAY = 0.25
 """A corner this share of a square away from where the others of its face say it is was mistaken."""
 
 
-STRAY_ON_FACE = 0.05
-"""The same for a face of a block, after refinement."""
+STRAY_ON_FACE, STRAY_PX = 0.05, 0.3
+"""The same for a face of a block, after refinement; and the least that is held against a corner, in px."""
 
 LARGEST_STEP = 1.6
 """Pixels from OpenCV's corner to the refined one; beyond that another thing was found."""
@@ -146,6 +146,8 @@ def _find_face(grey: NDArray[np.uint8], face: Face, legacy: bool) -> tuple[Integ
         if face.name:  # a face of a block is so small that no lens bends it
             good = consistent(face.flat_corners[numbers], pixels, STRAY_ON_FACE * face.square)
             numbers, pixels = numbers[good], pixels[good]
+            good = _on_a_plane(face.flat_corners[numbers], pixels)
+            numbers, pixels = numbers[good], pixels[good]
     return face.first_corner + numbers, pixels
 
 
@@ -155,7 +157,7 @@ def _charuco_refined(grey: NDArray[np.uint8], face: Face, numbers: Integers, pix
     OpenCV's own are half a pixel off in some versions (4.11), and its windows may touch the markers.
     """
     flat = face.flat_corners[numbers]
-    plane, _ = cv2.findHomography(flat, pixels)
+    plane = np.asarray(cv2.findHomography(flat, pixels)[0], dtype=np.float64)
     free = 0.5 * (face.square - face.marker)
     found = np.full_like(pixels, np.nan)
     for i, place in enumerate(flat):
@@ -200,6 +202,18 @@ def consistent(flat: Floats, pixels: Floats, tolerance: float) -> NDArray[np.boo
     return np.asarray(inside.ravel(), dtype=bool)
 
 
+def _on_a_plane(flat: Floats, pixels: Floats) -> NDArray[np.bool_]:
+    """Which corners lie within a part of a pixel of where the others have them; all that is left of few is none."""
+    if len(flat) < LEAST_CORNERS + 1:
+        return np.zeros(len(flat), dtype=bool)
+    plane, _ = cv2.findHomography(flat, pixels, cv2.LMEDS)
+    if plane is None:
+        return np.zeros(len(flat), dtype=bool)
+    there = np.concatenate([flat, np.ones((len(flat), 1))], axis=1) @ plane.T
+    off = np.linalg.norm(there[:, :2] / there[:, 2:] - pixels, axis=1)
+    return np.asarray(off <= max(STRAY_PX, 4.0 * float(np.median(off))))
+
+
 def find_checkerboard(grey: NDArray[np.uint8], columns: int, rows: int) -> Floats | None:
     """Inner corners of a checkerboard, row by row from the top left of the board as printed.
 
@@ -215,7 +229,7 @@ def find_checkerboard(grey: NDArray[np.uint8], columns: int, rows: int) -> Float
         found, pixels = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     if not found:
         return None
-    pixels = _refined(grey, pixels, size)
+    pixels = _refined(grey, np.asarray(pixels, dtype=np.float32), size)
     grid = np.asarray(pixels, dtype=np.float64).reshape(rows, columns, 2)
     return _oriented(grey, grid).reshape(-1, 2)
 

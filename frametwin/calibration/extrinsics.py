@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,19 +11,23 @@ from numpy.typing import NDArray
 
 from frametwin.calibration.boards import Board, looks_the_same_turned
 from frametwin.calibration.detection import Sighting
-from frametwin.calibration.intrinsics import NOMINAL_PX
+from frametwin.calibration.intrinsics import SPOILS
 from frametwin.calibration.joint import Adjusted, Joint, adjust, without_doubles
-from frametwin.calibration.looking import Looked, look_for
+from frametwin.calibration.looking import LeftOut, Looked, look_for
 from frametwin.calibration.page import Evidence
 from frametwin.calibration.pictures import list_pictures
 from frametwin.calibration.pose_graph import Start, find_start
+from frametwin.calibration.poses import board_poses
 from frametwin.calibration.rig_folder import Seen, now
-from frametwin.cameras.rig_file import Rig
+from frametwin.cameras.rig_file import Rig, noted
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.progress import Progress, ProgressCallback, report
 
 Floats = NDArray[np.float64]
+
+LEAST_CONTRADICTORY_PX = 0.2
+"""Corners of one picture that miss by less never contradict each other."""
 
 LOOSE = 2.5
 """Corners that miss by so many times more between cameras than within one tell that moments are none."""
@@ -64,11 +68,13 @@ def calibrate_extrinsics(
     looked = look_at_moments(rig, lenses, folder, lenses.board if board is None else board, progress)
     symmetric = looks_the_same_turned(looked.board)
     watch = watching(progress, "adjusting all cameras")
-    start = find_start(rig.cameras, looked.sightings, symmetric)
+    sightings, contradictory = without_contradictory(rig, looked.sightings)
+    start = find_start(rig.cameras, sightings, symmetric)
     _check_tied(start, Path(folder))
     joint = Joint(rig.cameras, start.cameras, (), start.sightings, start.boards)
     adjusted, notes = adjust_moments(joint, lenses.sightings, watch)
-    left_out = [*rig.left_out, *(note.as_dict() for note in (*looked.left_out, *adjusted.left_out))]
+    earlier = rig.before("extrinsics")
+    unused = (*looked.left_out, *contradictory, *adjusted.left_out)
     result = replace(
         rig,
         cameras=tuple(adjusted.camera(i) for i in range(len(rig.cameras))),
@@ -76,8 +82,8 @@ def calibrate_extrinsics(
         placed_by={},
         board=looked.board.text,
         date=now(),
-        notes=(*rig.notes, *(note for note in (*looked.notes, *notes) if note not in rig.notes)),
-        left_out=tuple(left_out),
+        notes=(*earlier[0], *noted("extrinsics", (*looked.notes, *notes))),
+        left_out=(*earlier[1], *(note.as_dict("extrinsics") for note in unused)),
     )
     moments = Seen(looked.board, looked.looks, adjusted.joint.moments)
     return Placed(result, moments, Evidence(adjusted.joint.sightings, adjusted.solution.residuals))
@@ -107,6 +113,23 @@ def look_at_moments(
             )
             raise InputError.at(Path(folder) / name, "size", problem, "take them in the same size, without cropping")
     return looked
+
+
+def without_contradictory(rig: Rig, sightings: Sequence[Sighting]) -> tuple[tuple[Sighting, ...], list[LeftOut]]:
+    """Leave out sightings that no place of the board explains, whatever the other cameras see."""
+    kept, left_out = [], []
+    for sighting in sightings:
+        camera = rig.camera(sighting.camera)
+        poses = board_poses(camera.model, camera.lens, sighting)
+        usual = float(camera.residuals.get("rms_px", LEAST_CONTRADICTORY_PX))
+        error = poses[0][0] if poses else np.inf
+        if error > max(SPOILS * usual, LEAST_CONTRADICTORY_PX):
+            words = f"its corners contradict each other: they miss by {error:.2f} px where {usual:.2f} px are usual"
+            reason = f"{words}; it is blurred, or the board bends"
+            left_out.append(LeftOut(sighting.camera, sighting.picture, reason))
+        else:
+            kept.append(sighting)
+    return tuple(kept), left_out
 
 
 def watching(progress: ProgressCallback | None, stage: str) -> Callable[[], None]:
@@ -143,12 +166,25 @@ def adjust_moments(
     found = _median_rms(adjusted)
     if found <= max(LOOSE * usual, 0.2):
         return adjusted, []
-    loose = adjust(replace(joint, alone=alone, looseness=found / max(usual, 0.5 * NOMINAL_PX)), watch)
+    motion = found * _millimetres_in_a_pixel(adjusted)
+    loose = adjust(replace(joint, alone=without_doubles(alone, joint.moments), motion_mm=motion), watch)
     note = (
         f"Corners miss by {found:.2f} px between cameras where they miss by {usual:.2f} px within one: the board moved"
-        " between the pictures of a moment, or it bends; trigger the cameras together, or stand it on something"
+        f" by about {motion:.1f} mm between the pictures of a moment; trigger the cameras together, or stand it on"
+        " something"
     )
     return loose, [note]
+
+
+def _millimetres_in_a_pixel(adjusted: Adjusted) -> float:
+    """At the boards of the moments, usually."""
+    found = []
+    for sighting in adjusted.joint.moments:
+        i = [camera.name for camera in adjusted.joint.cameras].index(sighting.camera)
+        eye = adjusted.solution.bundle.eyes[i]
+        board = adjusted.joint.boards[sighting.picture]
+        found.append(float(np.linalg.norm(board[:3, 3] - eye.camera_to_world[:3, 3])) / float(eye.lens[0]))
+    return float(np.median(found))
 
 
 def _median_rms(adjusted: Adjusted) -> float:

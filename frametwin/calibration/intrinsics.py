@@ -38,6 +38,13 @@ FOCAL_SHARES = np.geomspace(0.35, 5.0, 14)
 SPOILS = 2.5
 """A picture whose corners miss by so many times the median of the pictures spoils the result."""
 
+LEAST_PX = 0.07
+"""Standard deviation of a corner that covariances take at least: what blur and markers nearby do to corners is common
+to a board, and residuals do not show it."""
+
+FEW_STRAYS = 0.2
+"""A picture of which a larger share of the corners strays is left out as a whole."""
+
 STRAY_SIGMAS, STRAY_LEAST = 5.0, 0.5
 """A corner further off than both (the second in px) is left out."""
 
@@ -117,8 +124,9 @@ def calibrate_lens(
         raise InputError.at(f"camera {name}", "pictures", problem, "take ten to twenty with the board at all angles")
     every = TERMS[model][-1]
     start = _start(name, size, sightings, model)
-    kept, spoilt = list(sightings), []
+    kept = list(sightings)
     found = _solved(model, start, size, kept, TERMS[model][2], watch)
+    found, kept, single = _without_strays(found, kept, model, size, TERMS[model][2], watch)
     found, kept, spoilt = _without_outliers(found, kept, model, size, TERMS[model][2], watch)
     if len(kept) < LEAST_PICTURES:
         problem = "its pictures contradict each other"
@@ -128,7 +136,7 @@ def calibrate_lens(
     terms = _choose(held_out, TERMS[model])
     found = _solved(model, found.bundle.eyes[0].lens, size, kept, terms, watch)
     found, kept, more = _without_outliers(found, kept, model, size, terms, watch)
-    found = solve(found.bundle, covariance=True)
+    found = solve(found.bundle, covariance=True, least_sigma=LEAST_PX / NOMINAL_PX)
     means = {"+".join(key) or "none": float(np.sqrt(values.mean())) for key, values in held_out.items()}
     notes = _notes(name, size, found, kept, every)
     return Lens(
@@ -138,7 +146,7 @@ def calibrate_lens(
         used=tuple(kept),
         poses=tuple(body.pose for body in found.bundle.bodies),
         residuals=found.residuals,
-        left_out=tuple([*spoilt, *more]),
+        left_out=tuple([*single, *spoilt, *more]),
         notes=tuple(notes),
     )
 
@@ -234,7 +242,23 @@ def _without_outliers(
         left_out.append(LeftOut(kept[worst].camera, kept[worst].picture, reason))
         del kept[worst]
         found = _solved(model, found.bundle.eyes[0].lens, size, kept, terms, watch)
-    strays = stray_corners(found)
+    found, kept, strays = _without_strays(found, kept, model, size, terms, watch)
+    return found, kept, [*left_out, *strays]
+
+
+def _without_strays(
+    found: Solution,
+    kept: list[Sighting],
+    model: str,
+    size: tuple[int, int],
+    terms: Sequence[str],
+    watch: Callable[[], object] | None,
+) -> tuple[Solution, list[Sighting], list[LeftOut]]:
+    """Leave out single corners of pictures that are fine otherwise."""
+    left_out: list[LeftOut] = []
+    strays = [
+        stray if stray.sum() <= FEW_STRAYS * len(stray) else np.zeros_like(stray) for stray in stray_corners(found)
+    ]
     for i, stray in enumerate(strays):
         if stray.any() and (~stray).sum() >= 6:
             reason = f"{int(stray.sum())} of its {len(stray)} corners lie elsewhere and are not used"
@@ -286,7 +310,10 @@ def _part(bundle: Bundle, chosen: Sequence[int], free: Bools, lens: Floats | Non
 
 
 def _choose(held_out: dict[tuple[str, ...], Floats], choices: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """The fewest terms that are not worse than the best by more than chance, picture by picture."""
+    """The fewest terms that are not worse than the best by more than chance, picture by picture.
+
+    One standard error, no more: a term too many costs little, one too few bends everything.
+    """
     best = min(choices, key=lambda terms: float(held_out[terms].mean()))
     for terms in choices:
         if terms == best:

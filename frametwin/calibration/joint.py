@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from frametwin.calibration.bundle import Body, Bundle, Eye, Link, Solution, solve
 from frametwin.calibration.detection import Sighting
-from frametwin.calibration.intrinsics import NOMINAL_PX, ROBUST_PX, SPOILS, beforehand, stray_corners
+from frametwin.calibration.intrinsics import LEAST_PX, NOMINAL_PX, ROBUST_PX, STRAY_LEAST, STRAY_SIGMAS, beforehand
 from frametwin.calibration.looking import LeftOut
 from frametwin.calibration.poses import board_poses
 from frametwin.cameras.lens_models import LENS_KEYS
@@ -18,8 +18,8 @@ from frametwin.cameras.rig_file import RigCamera
 
 Floats = NDArray[np.float64]
 
-LEAST_SPOILED_PX = 0.3
-"""A sighting that misses by less is never left out."""
+SPOILS_JOINT, LEAST_SPOILED_PX = 4.0, 1.0
+"""A sighting of a moment is left out that misses by so many times the usual, and by so many px at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,10 @@ class Joint:
         Sightings of the object.
     thing_pose : (4, 4) array
         Where the object stands; held. None without an object, when the first camera is held.
-    looseness
-        By how much more the corners of a moment miss than those of one picture, for boards that moved between the
-        pictures of a moment; 1 for moments that are moments.
+    motion_mm
+        How far the board moved between the pictures of a moment, one standard deviation; 0 for true moments.
+    thing_px
+        Standard deviation of the object's corners, whose squares are smaller.
     """
 
     cameras: tuple[RigCamera, ...]
@@ -54,7 +55,8 @@ class Joint:
     boards: dict[str, Floats]
     thing: tuple[Sighting, ...] = ()
     thing_pose: Floats | None = None
-    looseness: float = 1.0
+    motion_mm: float = 0.0
+    thing_px: float = NOMINAL_PX
 
     @property
     def sightings(self) -> tuple[Sighting, ...]:
@@ -115,11 +117,8 @@ def bundle_of(joint: Joint) -> Bundle:
     ]
     bodies, links = [], []
 
-    def link(sighting: Sighting, body: int, loose: float = 1.0) -> None:
-        if loose > 1.0:  # what a board's motion adds is common to its corners: they count as three, not as many
-            loose *= float(np.sqrt(max(len(sighting.corners) / 3.0, 1.0)))
-        weight = 1.0 / (NOMINAL_PX * loose)
-        links.append(Link(numbers[sighting.camera], body, sighting.points, sighting.pixels, weight))
+    def link(sighting: Sighting, body: int, px: float = NOMINAL_PX, motion: Floats | None = None) -> None:
+        links.append(Link(numbers[sighting.camera], body, sighting.points, sighting.pixels, 1.0 / px, motion))
 
     for sighting in joint.alone:
         camera = joint.cameras[numbers[sighting.camera]]
@@ -129,12 +128,20 @@ def bundle_of(joint: Joint) -> Bundle:
     order = {moment: len(bodies) + i for i, moment in enumerate(joint.boards)}
     bodies += [Body(pose) for pose in joint.boards.values()]
     for sighting in joint.moments:
-        link(sighting, order[sighting.picture], joint.looseness)
+        link(sighting, order[sighting.picture], motion=_motion(joint, sighting))
     if joint.thing_pose is not None:
         bodies.append(Body(joint.thing_pose, fixed=True))
         for sighting in joint.thing:
-            link(sighting, len(bodies) - 1)
+            link(sighting, len(bodies) - 1, joint.thing_px)
     return Bundle(tuple(eyes), tuple(bodies), tuple(links))
+
+
+def _motion(joint: Joint, sighting: Sighting) -> Floats | None:
+    """What a board may have moved between the pictures of a moment: a shift, and a turn that moves its rim as far."""
+    if joint.motion_mm <= 0.0:
+        return None
+    radius = 0.5 * float(np.linalg.norm(np.ptp(sighting.points, axis=0)))
+    return np.array([joint.motion_mm / radius] * 3 + [joint.motion_mm] * 3)
 
 
 def _eye(camera: RigCamera, place: Floats, fixed: bool) -> Eye:
@@ -156,53 +163,76 @@ def _at(joint: Joint, solution: Solution) -> Joint:
 
 def adjust(joint: Joint, watch: Callable[[], object] | None = None) -> Adjusted:
     """Bundle adjustment of a rig: robustly, without what does not go with the rest, then with its covariance."""
-    left_out: list[LeftOut] = []
     solution = solve(bundle_of(joint), robust_px=4.0 * ROBUST_PX, watch=watch, steps=40)
     joint = _at(joint, solution)
+    if joint.thing:
+        usual = _usual_distance(solution.residuals[-len(joint.thing) :])
+        joint = replace(joint, thing_px=float(np.clip(usual, NOMINAL_PX, 8.0 * NOMINAL_PX)))
     solution = solve(bundle_of(joint), robust_px=ROBUST_PX, watch=watch)
-    for _ in range(3):
-        joint, dropped = _without_spoilt(_at(joint, solution), solution)
-        if not dropped:
-            break
-        left_out += dropped
+    joint, left_out = _without_spoilt(_at(joint, solution), solution)
+    if left_out:
         solution = solve(bundle_of(joint), robust_px=ROBUST_PX, watch=watch)
-    joint = _at(joint, solution)
-    strays = stray_corners(solution)
+        joint = _at(joint, solution)
+    strays = _strays(joint, solution)
     if any(stray.any() for stray in strays):
         joint, dropped = _without_strays(joint, strays)
         left_out += dropped
-    solution = solve(bundle_of(joint), covariance=True, watch=watch)
+    least = LEAST_PX / NOMINAL_PX
+    solution = solve(bundle_of(joint), robust_px=4.0 * ROBUST_PX, covariance=True, least_sigma=least, watch=watch)
     return Adjusted(_at(joint, solution), solution, tuple(left_out))
 
 
+def _groups(joint: Joint) -> tuple[slice, slice, slice]:
+    """Sightings of single cameras, of moments, and of the object: each kind has its own usual error."""
+    a, b = len(joint.alone), len(joint.alone) + len(joint.moments)
+    return slice(0, a), slice(a, b), slice(b, b + len(joint.thing))
+
+
+def _usual_distance(residuals: Sequence[Floats]) -> float:
+    """Standard deviation of a coordinate, by the median distance of the corners (1.18 sigmas)."""
+    return float(np.median(np.concatenate([np.linalg.norm(left, axis=1) for left in residuals]))) / 1.18
+
+
 def _without_spoilt(joint: Joint, solution: Solution) -> tuple[Joint, list[LeftOut]]:
-    """Leave out sightings that miss by far more than others; the worst of a moment first, the others may then fit."""
+    """Leave out sightings that miss by far more than others of their kind, the worst of each moment."""
     errors = np.array([solution.rms(i) for i in range(len(joint.sightings))])
-    offset = len(joint.alone)
-    usual = float(np.median(errors[offset:]))
-    limit = max(SPOILS * usual, LEAST_SPOILED_PX)
-    worst: dict[str, int] = {}
-    for i, sighting in enumerate((*joint.moments, *joint.thing)):
-        group = sighting.picture if i < len(joint.moments) else "\0object"
-        if errors[offset + i] > limit and (group not in worst or errors[offset + i] > errors[offset + worst[group]]):
-            worst[group] = i
-    dropped = [
-        LeftOut(
-            (*joint.moments, *joint.thing)[i].camera,
-            (*joint.moments, *joint.thing)[i].picture,
-            f"its corners miss by {errors[offset + i]:.2f} px where those of the others miss by {usual:.2f} px:"
-            " the board or the camera moved, or it is another moment",
-        )
-        for i in sorted(worst.values())
-    ]
-    count = len(joint.moments)
-    moments = tuple(s for i, s in enumerate(joint.moments) if i not in worst.values())
-    thing = tuple(s for i, s in enumerate(joint.thing) if count + i not in worst.values())
-    if joint.thing and not thing:
-        return joint, []
+    every, dropped = joint.sightings, []
+    keep = np.ones(len(every), dtype=bool)
+    for group in _groups(joint)[1:]:
+        if not len(errors[group]):
+            continue
+        usual = float(np.median(errors[group]))
+        worst: dict[str, int] = {}
+        for i in range(group.start, group.stop):
+            moment = every[i].picture
+            if errors[i] > max(SPOILS_JOINT * usual, LEAST_SPOILED_PX) and errors[i] >= errors[worst.get(moment, i)]:
+                worst[moment] = i
+        for i in worst.values():
+            keep[i] = False
+            reason = (
+                f"its corners miss by {errors[i]:.2f} px where those of the others miss by {usual:.2f} px:"
+                " the board or the camera moved, or it is another moment"
+            )
+            dropped.append(LeftOut(every[i].camera, every[i].picture, reason))
+    _, moments_at, thing_at = _groups(joint)
+    moments = tuple(s for s, kept in zip(every[moments_at], keep[moments_at], strict=True) if kept)
+    thing = tuple(s for s, kept in zip(every[thing_at], keep[thing_at], strict=True) if kept)
     seen = {sighting.picture for sighting in moments}
     boards = {moment: pose for moment, pose in joint.boards.items() if moment in seen}
     return replace(joint, moments=moments, thing=thing, boards=boards), dropped
+
+
+def _strays(joint: Joint, solution: Solution) -> list[NDArray[np.bool_]]:
+    """For each sighting, which of its corners are far from where those of its kind are; none of loose moments."""
+    found: list[NDArray[np.bool_]] = []
+    for k, group in enumerate(_groups(joint)):
+        residuals = solution.residuals[group]
+        if not residuals:
+            continue
+        limit = max(STRAY_SIGMAS * _usual_distance(residuals), STRAY_LEAST)
+        limit = np.inf if k == 1 and joint.motion_mm > 0.0 else limit
+        found += [np.linalg.norm(left, axis=1) > limit for left in residuals]
+    return found
 
 
 def _without_strays(joint: Joint, strays: Sequence[NDArray[np.bool_]]) -> tuple[Joint, list[LeftOut]]:

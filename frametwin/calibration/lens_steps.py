@@ -11,7 +11,7 @@ from frametwin.calibration.looking import look_for
 from frametwin.calibration.page import Evidence
 from frametwin.calibration.pictures import list_pictures
 from frametwin.calibration.rig_folder import Seen, now
-from frametwin.cameras.rig_file import Rig
+from frametwin.cameras.rig_file import Rig, noted
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.progress import Progress, ProgressCallback, report
@@ -58,14 +58,13 @@ def calibrate_intrinsics(
         watch = _watch(progress, i, len(pictures))
         lenses.append(calibrate_lens(camera, looked.sizes[camera], looked.of(camera), model, watch))
     report(progress, Progress("finding lenses", len(pictures), len(pictures)))
-    left_out = [note.as_dict() for note in looked.left_out]
-    left_out += [note.as_dict() for lens in lenses for note in lens.left_out]
+    unused = [*looked.left_out, *(note for lens in lenses for note in lens.left_out)]
     rig = Rig(
         cameras=tuple(lens.camera for lens in lenses),
         board=looked.board.text,
         date=now(),
-        notes=(*looked.notes, *(note for lens in lenses for note in lens.notes)),
-        left_out=tuple(left_out),
+        notes=noted("intrinsics", (*looked.notes, *(note for lens in lenses for note in lens.notes))),
+        left_out=tuple(note.as_dict("intrinsics") for note in unused),
     )
     used = tuple(sighting for lens in lenses for sighting in lens.used)
     residuals = tuple(left for lens in lenses for left in lens.residuals)

@@ -38,9 +38,9 @@ class LeftOut:
     picture: str
     reason: str
 
-    def as_dict(self) -> dict[str, str]:
+    def as_dict(self, step: str) -> dict[str, str]:
         """As it stands in ``rig.json``."""
-        return {"camera": self.camera, "picture": self.picture, "reason": self.reason}
+        return {"step": step, "camera": self.camera, "picture": self.picture, "reason": self.reason}
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,7 +60,7 @@ def write_page(path: Path, rig: Rig, evidence: Evidence) -> None:
     body = [
         "<h1>Rig</h1>",
         f"<p>{escape(_world(rig))} Board {escape(rig.board)}. {escape(rig.date)}</p>",
-        *(f'<p class="note">{escape(note)}</p>' for note in rig.notes),
+        *(f'<p class="note">{escape(note.get("text", ""))}</p>' for note in rig.notes),
         _overview(rig),
         *(_camera_part(camera, rig, evidence) for camera in rig.cameras),
         _left_out(rig),
@@ -84,22 +84,22 @@ def print_points(rig: Rig) -> Floats:
     """(9, 3) middle and corners of the cube about the print, mm."""
     middle = meeting_point(rig.cameras)
     if rig.world == "robot" and "at" in rig.placed_by:
-        middle = np.array(rig.placed_by["at"][:3], dtype=np.float64) + (0.0, 0.0, 0.5 * PRINT_SIZE)
+        middle = np.add(rig.placed_by["at"][:3], (0.0, 0.0, 0.5 * PRINT_SIZE))
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
-    return np.concatenate([middle[None], middle + 0.5 * PRINT_SIZE * corners])
+    return middle + 0.5 * PRINT_SIZE * np.array([np.zeros(3), *corners])
 
 
 def _overview(rig: Rig) -> str:
     posed = rig.world != "none" and all(camera.covariance is not None for camera in rig.cameras)
     columns = ["camera", "picture", "lens", "focal length", "terms", "pictures", "misses by"]
-    columns += ["at the print"] if posed else []
+    columns.extend(["at the print"] if posed else [])
     points = print_points(rig) if posed else np.zeros((0, 3))
     rows = []
     for camera in rig.cameras:
         figures = camera.residuals
         terms = ", ".join(figures.get("distortion", [])) or "none"
         row = [camera.name, f"{camera.width} x {camera.height}", camera.model, _focal(camera), terms]
-        row += [str(figures.get("pictures", "")), f"{figures.get('rms_px', float('nan')):.3f} px"]
+        row.extend([str(figures.get("pictures", "")), f"{figures.get('rms_px', float('nan')):.3f} px"])
         row += [_at_print(camera, points)] if posed else []
         rows.append(row)
     table = _table(columns, rows)

@@ -17,7 +17,7 @@ from frametwin.calibration.page import Evidence
 from frametwin.calibration.pose_graph import find_start
 from frametwin.calibration.poses import board_poses, rms_of
 from frametwin.calibration.rig_folder import Seen, now
-from frametwin.cameras.rig_file import Rig
+from frametwin.cameras.rig_file import Rig, noted
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.progress import ProgressCallback
@@ -104,14 +104,15 @@ def place_rig(
     adjusted, _ = adjust_moments(joint, lenses.sightings, watching(progress, "adjusting all cameras"))
     figures = _figures(adjusted.solution.residuals[-len(adjusted.joint.thing) :], adjusted.joint.thing)
     notes = _notes(figures, rig, looked.notes)
+    earlier, unused = rig.before("place"), (*looked.left_out, *adjusted.left_out)
     result = replace(
         rig,
         cameras=tuple(adjusted.camera(i) for i in range(len(rig.cameras))),
         world="robot",
         placed_by={"object": looked.board.text, "at": list(at), **figures},
         date=now(),
-        notes=(*rig.notes, *(note for note in notes if note not in rig.notes)),
-        left_out=(*rig.left_out, *(note.as_dict() for note in (*looked.left_out, *adjusted.left_out))),
+        notes=(*earlier[0], *noted("place", notes)),
+        left_out=(*earlier[1], *(note.as_dict("place") for note in unused)),
     )
     seen = replace(moments, sightings=adjusted.joint.moments)
     evidence = Evidence(adjusted.joint.sightings, adjusted.solution.residuals)
@@ -159,8 +160,8 @@ def _notes(figures: dict[str, Any], rig: Rig, notes: tuple[str, ...]) -> list[st
         found.append(f"The object was seen by {' and '.join(figures['cameras'])} only; let more cameras see it")
     if figures["rms_px"] > max(DISAGREES * usual, 1.0):
         found.append(
-            f"The object's corners miss by {figures['rms_px']:.2f} px, the board's by {usual:.2f} px: one of the two was"
-            " not printed at the size that was given, or the object moved"
+            f"The object's corners miss by {figures['rms_px']:.2f} px, the board's by {usual:.2f} px: one of the two"
+            " was not printed at the size that was given, or the object moved"
         )
     return found
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -39,13 +41,15 @@ def board_poses(model: str, lens: Floats, sighting: Sighting) -> list[tuple[floa
     kind = cv2.SOLVEPNP_IPPE if flat else cv2.SOLVEPNP_SQPNP
     if flat:
         points = points - (0.0, 0.0, points[0, 2])
+    camera: Any = np.eye(3)
+    none: Any = None  # OpenCV's hints do not know that there may be no distortion
     try:
-        count, turns, places, _ = cv2.solvePnPGeneric(points, plane, np.eye(3), None, flags=kind)
+        count, turns, places, _ = cv2.solvePnPGeneric(points, plane, camera, none, flags=kind)
     except cv2.error:
         return []
     found = []
     for turn, place in zip(turns[:count], places[:count], strict=True):
-        turn, place = cv2.solvePnPRefineLM(points, plane, np.eye(3), None, turn.copy(), place.copy())
+        turn, place = cv2.solvePnPRefineLM(points, plane, camera, none, turn.copy(), place.copy())
         pose = np.eye(4)
         pose[:3, :3] = Rotation.from_rotvec(turn.ravel()).as_matrix()
         pose[:3, 3] = place.ravel()

@@ -65,8 +65,8 @@ def capture_from_rig(
     Raises
     ------
     InputError
-        If the robot's world is not known, pictures are missing, ambiguous or of another size, or the cameras do not see the
-        frame.
+        If the robot's world is not known, pictures are missing, ambiguous or of another size, or the cameras do not see
+        the frame.
     """
     if rig.world != "robot":
         remedy = "run frametwin calibrate place, so that plan and cameras have one world"
@@ -155,4 +155,5 @@ def _perspective(camera: RigCamera, image: NDArray[np.uint8]) -> tuple[RigCamera
             np.ix_(kept, kept)
         ]
         straight = replace(straight, covariance=covariance)
-    return straight, np.asarray(cv2.remap(image, maps, None, cv2.INTER_LINEAR), dtype=np.uint8)
+    flat = cv2.remap(image, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR)
+    return straight, np.asarray(flat, dtype=np.uint8)

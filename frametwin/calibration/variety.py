@@ -18,6 +18,10 @@ ALIKE_DEG, ALIKE_SHARE = 5.0, 0.05
 """Two pictures are alike whose boards differ by less than this angle and this share of the picture's diagonal."""
 
 FEW_DIFFERENT = 5
+
+NEAR_PX, MOST_NAMED = 24.0, 4
+"""Corners closer together than this lie within the window of 11 px around each other that is usual."""
+
 GRID = (6, 4)
 EMPTY_SHARE = 0.4
 
@@ -52,7 +56,22 @@ def check_variety(poses: Sequence[Floats], sightings: Sequence[Sighting], size: 
         sentences.append(
             f"no corner was ever seen in {100.0 * empty:.0f} % of the picture; bring the board to its edges and corners"
         )
+    small = [(closest_corners(sighting), sighting.picture) for sighting in sightings]
+    small = sorted(item for item in small if item[0] < NEAR_PX)
+    if small:
+        named = ", ".join(f"{picture} ({distance:.0f} px)" for distance, picture in small[:MOST_NAMED])
+        more = f" and {len(small) - MOST_NAMED} more" if len(small) > MOST_NAMED else ""
+        sentences.append(
+            f"corners lie close together in {named}{more}: they were measured in smaller windows, and are less certain;"
+            " bring the board nearer"
+        )
     return sentences
+
+
+def closest_corners(sighting: Sighting) -> float:
+    """Smallest distance in px between two corners of a picture."""
+    apart = np.linalg.norm(sighting.pixels[:, None] - sighting.pixels, axis=2)
+    return float((apart + np.diag(np.full(len(apart), np.inf))).min())
 
 
 def largest_tilt(poses: Sequence[Floats]) -> float:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,9 @@ FORMAT, VERSION = "frametwin-rig", 1
 FILE_NAME = "rig.json"
 WORLDS = ("none", "camera", "robot")
 """What the poses are given in: none are known, the axes of the rig's first camera, or the robot's."""
+
+STEPS = ("intrinsics", "extrinsics", "place")
+"""Of a calibration, in their order."""
 
 POSE_KEYS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
 """A small turn about the camera's own axes (OpenCV's) in radians, and the place of its centre in the world in mm."""
@@ -110,9 +113,10 @@ class Rig:
     date
         Day and time of the calibration, as ISO 8601 writes it.
     notes
-        Sentences on what a user should know.
+        What a user should know, each with the ``step`` that found it and a ``text``.
     left_out
-        Pictures (or single corners of them) that were not used, each with ``camera``, ``picture`` and ``reason``.
+        Pictures (or single corners of them) that were not used, each with ``step``, ``camera``, ``picture`` and
+        ``reason``.
     """
 
     cameras: tuple[RigCamera, ...]
@@ -120,12 +124,20 @@ class Rig:
     board: str = ""
     placed_by: dict[str, Any] = field(default_factory=dict)
     date: str = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[dict[str, str], ...] = ()
     left_out: tuple[dict[str, str], ...] = ()
 
     def camera(self, name: str) -> RigCamera:
         """The camera of a name, which has to be there."""
         return next(camera for camera in self.cameras if camera.name == name)
+
+    def before(self, step: str) -> tuple[tuple[dict[str, str], ...], tuple[dict[str, str], ...]]:
+        """Notes and what was left out of the steps before one that is done again."""
+        earlier = STEPS[: STEPS.index(step)]
+        notes, left_out = (
+            tuple(item for item in items if item.get("step") in earlier) for items in (self.notes, self.left_out)
+        )
+        return notes, left_out
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -141,6 +153,11 @@ class Rig:
             From the present world to the new one; taken to be exact.
         """
         return replace(self, cameras=tuple(_moved(camera, motion) for camera in self.cameras))
+
+
+def noted(step: str, texts: Iterable[str]) -> tuple[dict[str, str], ...]:
+    """Sentences of a step as they stand in ``rig.json``."""
+    return tuple({"step": step, "text": text} for text in texts)
 
 
 def _moved(camera: RigCamera, motion: Floats) -> RigCamera:
@@ -226,8 +243,8 @@ def read_rig(folder: PathLike) -> Rig:
         board=_text(data, "board", path),
         placed_by=_object(data.get("object"), path, "object"),
         date=_text(data, "date", path),
-        notes=tuple(_list(data, "notes", str, path)),
-        left_out=tuple(_list(data, "left_out", dict, path)),
+        notes=tuple(_list(data, "notes", path)),
+        left_out=tuple(_list(data, "left_out", path)),
     )
 
 
@@ -306,8 +323,9 @@ def _object(value: Any, path: Path, place: str) -> dict[str, Any]:
     return value or {}
 
 
-def _list(data: dict[str, Any], key: str, kind: type, path: Path) -> list[Any]:
+def _list(data: dict[str, Any], key: str, path: Path) -> list[dict[str, str]]:
     value = data.get(key, [])
-    if not isinstance(value, list) or not all(isinstance(item, kind) for item in value):
-        raise InputError.at(path, key, "is a list of other things", "give a list of texts or objects, as written")
-    return value
+    fine = isinstance(value, list) and all(isinstance(item, dict) for item in value)
+    if not fine or not all(isinstance(part, str) for item in value for part in item.values()):
+        raise InputError.at(path, key, "is a list of other things", "give a list of objects with texts")
+    return list(value)

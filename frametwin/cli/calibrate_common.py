@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ class Place(click.ParamType):
         return numbers
 
 
-def tell_rig(folder: Path, rig: Rig, new: Sequence[dict[str, str]], as_json: bool) -> None:
+def tell_rig(folder: Path, rig: Rig, step: str, as_json: bool) -> None:
     """Print what became of a calibration, for programs or for people.
 
     Parameters
@@ -41,11 +40,12 @@ def tell_rig(folder: Path, rig: Rig, new: Sequence[dict[str, str]], as_json: boo
         Of the rig.
     rig
         As it was written.
-    new
-        What was left out by this step.
+    step
+        Whose pictures that were left out are told.
     as_json
         Whether for programs.
     """
+    new = [note for note in rig.left_out if note.get("step") == step]
     if as_json:
         print_json(
             {
@@ -54,14 +54,14 @@ def tell_rig(folder: Path, rig: Rig, new: Sequence[dict[str, str]], as_json: boo
                 "board": rig.board,
                 "cameras": [_camera_row(camera) for camera in rig.cameras],
                 "object": rig.placed_by or None,
-                "notes": list(rig.notes),
-                "left_out": list(new),
+                "notes": [note["text"] for note in rig.notes],
+                "left_out": new,
             }
         )
         return
     facts = [(camera.name, _camera_words(camera)) for camera in rig.cameras]
     facts += [("left out", f"{note['camera']}/{note['picture']}: {note['reason']}") for note in new]
-    facts += [("note", note) for note in rig.notes]
+    facts += [("note", note["text"]) for note in rig.notes]
     facts.append(("page", str(folder / "report.html")))
     print_facts(f"rig: {folder}", facts)
 

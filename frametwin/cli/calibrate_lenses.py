@@ -49,4 +49,4 @@ def intrinsics_command(
     with Display(quiet) as display:
         rig, seen, evidence = calibrate_intrinsics(pictures, chosen, MODELS[model], display)
         write_folder(out, rig, lenses=seen, evidence=evidence, overwrite=overwrite)
-    tell_rig(out, rig, rig.left_out, as_json)
+    tell_rig(out, rig, "intrinsics", as_json)

@@ -21,8 +21,8 @@ def extrinsics_command(rig: Path, moments: Path, board: str | None, quiet: bool,
     """Find the poses of a RIG's cameras from MOMENTS, a folder of pictures for each camera.
 
     Pictures of the same name were taken at the same moment. Not every camera has to see every board, but boards that
-    two cameras see must tie all of them together. All cameras, lenses and boards are adjusted at once; views that do not
-    go with the rest are left out and named. RIG is changed: its world is that of its first camera until "place".
+    two cameras see must tie all of them together. All cameras, lenses and boards are adjusted at once; views that do
+    not go with the rest are left out and named. RIG is changed: its world is that of its first camera until "place".
 
     \b
     Example:
@@ -43,7 +43,7 @@ def extrinsics_command(rig: Path, moments: Path, board: str | None, quiet: bool,
         write_folder(
             folder, placed.rig, lenses=lenses, moments=placed.moments, evidence=placed.evidence, overwrite=True
         )
-    tell_rig(folder, placed.rig, placed.rig.left_out[len(before.left_out) :], as_json)
+    tell_rig(folder, placed.rig, "extrinsics", as_json)
 
 
 @click.command("place", short_help="Make the world the robot's.")
@@ -97,4 +97,4 @@ def place_command(rig: Path, pictures: Path, thing: str, at: tuple[float, ...], 
             evidence=placed.evidence,
             overwrite=True,
         )
-    tell_rig(folder, placed.rig, placed.rig.left_out[len(before.left_out) :], as_json)
+    tell_rig(folder, placed.rig, "place", as_json)
