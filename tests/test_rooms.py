@@ -22,6 +22,7 @@ ROOMS = (
     "twin",
     "raster",
     "imaging",
+    "calibration",
     "fitting",
     "simulation",
     "printing.records",

@@ -12,7 +12,19 @@ from frametwin import __version__
 from frametwin.cli import interrupts
 from frametwin.errors import Cancelled, FrameTwinError, InputError
 
-COMMANDS = ("demo", "simulate", "mask", "fit", "evaluate", "print", "dataset", "convert", "info")
+COMMANDS = (
+    "demo",
+    "simulate",
+    "calibrate",
+    "capture",
+    "mask",
+    "fit",
+    "evaluate",
+    "print",
+    "dataset",
+    "convert",
+    "info",
+)
 """In the order in which they are listed; each is a module of this package with a ``command``."""
 
 DONE, WRONG_INPUT, INTERRUPTED = 0, InputError.exit_code, Cancelled.exit_code

@@ -1,0 +1,1 @@
+"""Calibrated cameras from pictures of boards: printing, detection, intrinsics, extrinsics, placing, uncertainty."""

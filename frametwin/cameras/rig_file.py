@@ -1,0 +1,331 @@
+"""Rig folders: calibrated cameras as a thing of their own, with how well they are known.
+
+``rig.json`` (format ``frametwin-rig``, version 1) holds all; ``transforms.json`` beside it serves other tools.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frametwin.arrays import checked_array, is_plain_text
+from frametwin.cameras.camera import MAX_PIXELS, Camera
+from frametwin.cameras.conversions import OPENGL_AXES
+from frametwin.cameras.lens_models import LENS_KEYS, PERSPECTIVE
+from frametwin.errors import InputError
+from frametwin.files import PathLike, check_format, read_json, write_json
+
+Floats = NDArray[np.float64]
+
+FORMAT, VERSION = "frametwin-rig", 1
+FILE_NAME = "rig.json"
+WORLDS = ("none", "camera", "robot")
+"""What the poses are given in: none are known, the axes of the rig's first camera, or the robot's."""
+
+STEPS = ("intrinsics", "extrinsics", "place")
+"""Of a calibration, in their order."""
+
+POSE_KEYS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
+"""A small turn about the camera's own axes (OpenCV's) in radians, and the place of its centre in the world in mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigCamera:
+    """A camera of a rig.
+
+    Attributes
+    ----------
+    name
+        The camera's name.
+    width, height
+        Size of its pictures in pixels.
+    model
+        ``OPENCV`` or ``OPENCV_FISHEYE``.
+    lens : (P,) array, px
+        ``fl_x``, ``fl_y``, ``cx``, ``cy`` (pixel centres at +0.5) and the coefficients of the model, in the order of
+        `frametwin.cameras.lens_models.LENS_KEYS`.
+    camera_to_world : (4, 4) array, mm
+        Pose with OpenCV axes; None as long as it is not known.
+    covariance : (P, P) or (P + 6, P + 6) array
+        Of the parameters of the lens and, where the pose is known, of `POSE_KEYS`; in px, radians and mm. Rows and
+        columns of what is held fixed are zero.
+    residuals
+        Figures on how well the calibration fits, such as ``rms_px``.
+    """
+
+    name: str
+    width: int
+    height: int
+    model: str
+    lens: Floats
+    camera_to_world: Floats | None = None
+    covariance: Floats | None = None
+    residuals: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the rows of the covariance."""
+        return LENS_KEYS[self.model] + (() if self.camera_to_world is None else POSE_KEYS)
+
+    @property
+    def centre(self) -> Floats:
+        """(3,) position in the world, mm; the pose has to be known."""
+        assert self.camera_to_world is not None
+        return self.camera_to_world[:3, 3]
+
+    def as_camera(self) -> Camera:
+        """The camera for everything else in FrameTwin.
+
+        Raises
+        ------
+        InputError
+            If it is a fisheye, or its pose is not known.
+        """
+        if self.model != PERSPECTIVE:
+            problem = f"is {self.model}, which only the rig knows"
+            raise InputError.at(f"camera {self.name}", "model", problem, "undistort its pictures first")
+        if self.camera_to_world is None:
+            remedy = "run frametwin calibrate extrinsics first"
+            raise InputError.at(f"camera {self.name}", "transform_matrix", "the pose is not known", remedy)
+        fl_x, fl_y, cx, cy = self.lens[:4].tolist()
+        return Camera(self.name, self.width, self.height, fl_x, fl_y, cx, cy, self.camera_to_world, self.lens[4:9])
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Cameras that were calibrated together.
+
+    Attributes
+    ----------
+    cameras
+        At least one, with different names.
+    world
+        One of `WORLDS`.
+    board
+        The board as it is written on the command line.
+    placed_by
+        The object that tells where the robot's world is, and where it stood; empty as long as it is not known.
+    date
+        Day and time of the calibration, as ISO 8601 writes it.
+    notes
+        What a user should know, each with the ``step`` that found it and a ``text``.
+    left_out
+        Pictures (or single corners of them) that were not used, each with ``step``, ``camera``, ``picture`` and
+        ``reason``.
+    """
+
+    cameras: tuple[RigCamera, ...]
+    world: str = "none"
+    board: str = ""
+    placed_by: dict[str, Any] = field(default_factory=dict)
+    date: str = ""
+    notes: tuple[dict[str, str], ...] = ()
+    left_out: tuple[dict[str, str], ...] = ()
+
+    def camera(self, name: str) -> RigCamera:
+        """The camera of a name, which has to be there."""
+        return next(camera for camera in self.cameras if camera.name == name)
+
+    def before(self, step: str) -> tuple[tuple[dict[str, str], ...], tuple[dict[str, str], ...]]:
+        """Notes and what was left out of the steps before one that is done again."""
+        earlier = STEPS[: STEPS.index(step)]
+        notes, left_out = (
+            tuple(item for item in items if item.get("step") in earlier) for items in (self.notes, self.left_out)
+        )
+        return notes, left_out
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all cameras."""
+        return tuple(camera.name for camera in self.cameras)
+
+    def moved(self, motion: Floats) -> Rig:
+        """The same rig in a world that differs by a rigid motion.
+
+        Parameters
+        ----------
+        motion : (4, 4) array, mm
+            From the present world to the new one; taken to be exact.
+        """
+        return replace(self, cameras=tuple(_moved(camera, motion) for camera in self.cameras))
+
+
+def noted(step: str, texts: Iterable[str]) -> tuple[dict[str, str], ...]:
+    """Sentences of a step as they stand in ``rig.json``."""
+    return tuple({"step": step, "text": text} for text in texts)
+
+
+def _moved(camera: RigCamera, motion: Floats) -> RigCamera:
+    assert camera.camera_to_world is not None
+    covariance = camera.covariance
+    if covariance is not None:
+        turn = np.eye(len(covariance))
+        turn[-3:, -3:] = motion[:3, :3]
+        covariance = turn @ covariance @ turn.T
+    return replace(camera, camera_to_world=motion @ camera.camera_to_world, covariance=covariance)
+
+
+def write_rig(folder: Path, rig: Rig) -> None:
+    """Write ``rig.json`` and, where the poses are known, ``transforms.json`` into a folder that exists."""
+    write_json(folder / FILE_NAME, rig_data(rig))
+    if rig.world != "none":
+        write_json(folder / "transforms.json", transforms(rig))
+
+
+def rig_data(rig: Rig) -> dict[str, Any]:
+    """What ``rig.json`` holds."""
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "date": rig.date,
+        "world": rig.world,
+        "board": rig.board,
+        "object": rig.placed_by or None,
+        "notes": list(rig.notes),
+        "left_out": list(rig.left_out),
+        "cameras": [_written(camera) for camera in rig.cameras],
+    }
+
+
+def _written(camera: RigCamera) -> dict[str, Any]:
+    pose = None if camera.camera_to_world is None else camera.camera_to_world @ OPENGL_AXES
+    return {
+        "name": camera.name,
+        "w": camera.width,
+        "h": camera.height,
+        "model": camera.model,
+        **dict(zip(LENS_KEYS[camera.model], camera.lens.tolist(), strict=True)),
+        "transform_matrix": None if pose is None else pose.tolist(),
+        "covariance_of": list(camera.keys),
+        "covariance": None if camera.covariance is None else camera.covariance.tolist(),
+        "residuals": camera.residuals,
+    }
+
+
+def transforms(rig: Rig) -> dict[str, Any]:
+    """The cameras as nerfstudio's ``transforms.json`` has them, each with its own lens; pictures are not there."""
+    frames = []
+    for camera in rig.cameras:
+        written = _written(camera)
+        lens = {key: written[key] for key in ("w", "h", *LENS_KEYS[camera.model], "transform_matrix")}
+        frames.append({"file_path": f"images/{camera.name}.png", "camera_model": camera.model, **lens})
+    return {"camera_model": rig.cameras[0].model, "frames": frames}
+
+
+def read_rig(folder: PathLike) -> Rig:
+    """Read the rig of a folder, or of its ``rig.json``.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, a camera is not one, or two have the same name.
+    """
+    path = Path(folder)
+    path = path / FILE_NAME if path.is_dir() or path.suffix != ".json" else path
+    data = read_json(path)
+    check_format(data, path, FORMAT, VERSION)
+    world = data.get("world")
+    if world not in WORLDS:
+        raise InputError.at(path, "world", f"is {world!r}", f"give one of {', '.join(WORLDS)}")
+    entries = data.get("cameras")
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError.at(path, "cameras", "is not a list of cameras", "write one {...} for each camera")
+    cameras = tuple(_read_camera(entry, world != "none", path, f"cameras[{i}]") for i, entry in enumerate(entries))
+    _check_names(cameras, path)
+    return Rig(
+        cameras=cameras,
+        world=world,
+        board=_text(data, "board", path),
+        placed_by=_object(data.get("object"), path, "object"),
+        date=_text(data, "date", path),
+        notes=tuple(_list(data, "notes", path)),
+        left_out=tuple(_list(data, "left_out", path)),
+    )
+
+
+def _check_names(cameras: Sequence[RigCamera], path: Path) -> None:
+    names = [camera.name for camera in cameras]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise InputError.at(path, f"cameras[{i}].name", f"{name!r} occurs twice", "give every camera its own name")
+
+
+def _read_camera(entry: dict[str, Any], posed: bool, path: Path, place: str) -> RigCamera:
+    name, model, source = entry.get("name"), entry.get("model"), str(path)
+    if not is_plain_text(name) or not set("/\\").isdisjoint(str(name)):
+        raise InputError.at(path, f"{place}.name", f"{name!r} is not a name", "give a text without slashes")
+    if model not in LENS_KEYS:
+        raise InputError.at(path, f"{place}.model", f"is {model!r}", f"give one of {', '.join(LENS_KEYS)}")
+    numbers = {}
+    for key in ("w", "h", *LENS_KEYS[model]):
+        numbers[key] = float(checked_array(entry.get(key), "f", (), source, f"{place}.{key}"))
+    for key in ("w", "h"):
+        if numbers[key] != int(numbers[key]) or not 1 <= numbers[key] <= MAX_PIXELS:
+            problem = f"{numbers[key]:g} is not a whole number from 1 to {MAX_PIXELS}"
+            raise InputError.at(path, f"{place}.{key}", problem, "give the picture size in pixels")
+    for key in ("fl_x", "fl_y"):
+        if not 1e-3 <= numbers[key] <= 1e7:
+            problem = f"{numbers[key]:g} is not a focal length"
+            raise InputError.at(path, f"{place}.{key}", problem, "give it in pixels")
+    pose = _read_pose(entry, path, f"{place}.transform_matrix") if posed else None
+    camera = RigCamera(
+        name=str(name),
+        width=int(numbers["w"]),
+        height=int(numbers["h"]),
+        model=model,
+        lens=np.array([numbers[key] for key in LENS_KEYS[model]]),
+        camera_to_world=pose,
+        residuals=_object(entry.get("residuals"), path, f"{place}.residuals"),
+    )
+    return replace(camera, covariance=_read_covariance(entry, camera, path, place))
+
+
+def _read_pose(entry: dict[str, Any], path: Path, place: str) -> Floats:
+    pose = checked_array(entry.get("transform_matrix"), "f", (4, 4), str(path), place) @ OPENGL_AXES
+    rotation = pose[:3, :3]
+    rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6 and np.linalg.det(rotation) > 0.0
+    if not rigid or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
+        raise InputError.at(path, place, "is not a rigid pose", "give rotation and position in mm, OpenGL axes")
+    return pose
+
+
+def _read_covariance(entry: dict[str, Any], camera: RigCamera, path: Path, place: str) -> Floats | None:
+    if entry.get("covariance") is None:
+        return None
+    order, size = entry.get("covariance_of"), len(camera.keys)
+    if order != list(camera.keys):
+        remedy = f"give the order {' '.join(camera.keys)}"
+        raise InputError.at(path, f"{place}.covariance_of", "is another order of parameters", remedy)
+    covariance = checked_array(entry["covariance"], "f", (size, size), str(path), f"{place}.covariance")
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    even = np.abs(covariance - covariance.T).max(initial=0.0) <= 1e-6 * max(float(np.abs(covariance).max()), 1e-300)
+    if not even or np.linalg.eigvalsh(0.5 * (covariance + covariance.T) / np.outer(scale, scale)).min() < -1e-6:
+        remedy = "give a symmetric matrix without negative variances, or null"
+        raise InputError.at(path, f"{place}.covariance", "is not a covariance", remedy)
+    return 0.5 * (covariance + covariance.T)
+
+
+def _text(data: dict[str, Any], key: str, path: Path) -> str:
+    value = data.get(key, "")
+    if not isinstance(value, str):
+        raise InputError.at(path, key, "is not a text", "give a text")
+    return value
+
+
+def _object(value: Any, path: Path, place: str) -> dict[str, Any]:
+    if value is not None and not isinstance(value, dict):
+        raise InputError.at(path, place, "is not an object", "give an object in { }, or null")
+    return value or {}
+
+
+def _list(data: dict[str, Any], key: str, path: Path) -> list[dict[str, str]]:
+    value = data.get(key, [])
+    fine = isinstance(value, list) and all(isinstance(item, dict) for item in value)
+    if not fine or not all(isinstance(part, str) for item in value for part in item.values()):
+        raise InputError.at(path, key, "is a list of other things", "give a list of objects with texts")
+    return list(value)

@@ -1,0 +1,182 @@
+"""Rig folders read back as written, damage refused in words; lens models against OpenCV and finite differences."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from camera_cases import LENS
+
+from frametwin.cameras import Camera, look_at
+from frametwin.cameras.lens_models import FISHEYE, LENS_KEYS, PERSPECTIVE, project, rays
+from frametwin.cameras.rig_file import Rig, RigCamera, read_rig, write_rig
+from frametwin.capture.capture import read_cameras
+from frametwin.errors import InputError
+
+LENSES = {
+    PERSPECTIVE: np.array([900.0, 910.0, 640.5, 350.0, *LENS]),
+    FISHEYE: np.array([420.0, 421.0, 640.5, 350.0, 0.03, -0.01, 0.004, -0.002]),
+}
+
+
+def some_rig(world: str = "robot") -> Rig:
+    rng = np.random.default_rng(5)
+    cameras = []
+    for i, model in enumerate((PERSPECTIVE, FISHEYE, PERSPECTIVE)):
+        size = len(LENS_KEYS[model]) + 6 * (world != "none")
+        root = rng.normal(size=(size, size))
+        pose = look_at(rng.normal(size=3) * 400.0, [0.0, 0.0, 60.0])
+        cameras.append(
+            RigCamera(
+                f"cam_{i}",
+                1280,
+                720,
+                model,
+                LENSES[model],
+                None if world == "none" else pose,
+                root @ root.T,
+                {"rms_px": 0.1},
+            )
+        )
+    placed = {"kind": "cuboid", "at": [1.0, 2.0, 3.0, 90.0]}
+    notes = ({"step": "place", "text": "a note"},)
+    left_out = ({"step": "intrinsics", "camera": "cam_0", "picture": "02", "reason": "blurred"},)
+    return Rig(tuple(cameras), world, "charuco:4x5:54", placed, "2026-11-29T10:00:00", notes, left_out)
+
+
+@pytest.mark.parametrize("world", ["none", "robot"])
+def test_a_rig_is_read_as_it_was_written(tmp_path: Path, world: str) -> None:
+    rig = some_rig(world)
+    write_rig(tmp_path, rig)
+    found = read_rig(tmp_path)
+    for key in ("world", "board", "placed_by", "date", "notes", "left_out", "names"):
+        assert getattr(found, key) == getattr(rig, key)
+    for a, b in zip(found.cameras, rig.cameras, strict=True):
+        assert (a.width, a.height, a.model, a.residuals) == (b.width, b.height, b.model, b.residuals)
+        np.testing.assert_array_equal(a.lens, b.lens)
+        np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-15)
+        if world != "none":
+            np.testing.assert_array_equal(a.camera_to_world, b.camera_to_world)
+    assert (tmp_path / "transforms.json").exists() == (world != "none")
+
+
+def test_other_tools_find_the_same_cameras_in_transforms_json(tmp_path: Path) -> None:
+    rig = some_rig()
+    rig = replace(rig, cameras=(rig.cameras[0], rig.cameras[2]))
+    write_rig(tmp_path, rig)
+    for camera, wanted in zip(read_cameras(tmp_path / "transforms.json"), rig.cameras, strict=True):
+        assert camera.name == wanted.name
+        np.testing.assert_allclose(camera.camera_to_world, wanted.camera_to_world, atol=1e-12)
+        np.testing.assert_array_equal(camera.distortion, wanted.lens[4:])
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"format": "frametwin-frame"}, "format"),
+        ({"world": "table"}, "world"),
+        ({"cameras": []}, "cameras"),
+        ({"notes": [1]}, "notes"),
+        ({"object": 3}, "object"),
+    ],
+)
+def test_damage_at_the_top_is_named(tmp_path: Path, change: dict[str, object], field: str) -> None:
+    write_rig(tmp_path, some_rig())
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match=rf"rig\.json: {field}"):
+        read_rig(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("name", "a/b"),
+        ("name", "cam_1"),
+        ("w", 12.5),
+        ("fl_x", 1e-320),
+        ("model", "FISHEYE62"),
+        ("k3", None),
+        ("transform_matrix", np.diag([2.0, 1.0, 1.0, 1.0]).tolist()),
+        ("covariance", (-np.eye(15)).tolist()),
+        ("covariance", np.arange(225.0).reshape(15, 15).tolist()),
+        ("covariance_of", ["x"]),
+        ("residuals", []),
+    ],
+)
+def test_damage_of_a_camera_is_named(tmp_path: Path, key: str, value: object) -> None:
+    write_rig(tmp_path, some_rig())
+    path = tmp_path / "rig.json"
+    data = json.loads(path.read_text())
+    data["cameras"][0][key] = value
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=rf"rig\.json: cameras\[[01]\]\.{key}"):
+        read_rig(tmp_path)
+
+
+def test_the_cameras_of_a_rig_move_with_their_world() -> None:
+    rig = some_rig()
+    motion = look_at([10.0, 20.0, 30.0], [0.0, 5.0, 1.0])
+    moved = rig.moved(motion)
+    for a, b in zip(moved.cameras, rig.cameras, strict=True):
+        np.testing.assert_allclose(a.centre, motion[:3, :3] @ b.centre + motion[:3, 3], atol=1e-9)
+        back = motion[:3, :3].T @ a.covariance[-3:, -3:] @ motion[:3, :3]
+        np.testing.assert_allclose(back, b.covariance[-3:, -3:], atol=1e-9)
+        np.testing.assert_allclose(a.covariance[:-3, :-3], b.covariance[:-3, :-3], atol=1e-12)
+
+
+def local_points(model: str) -> np.ndarray:
+    rng = np.random.default_rng(3)
+    aside = rng.uniform(-0.45, 0.45, size=(200, 2)) * (4.0 if model == FISHEYE else 1.0)
+    return np.concatenate([aside, np.ones((200, 1))], axis=1) * rng.uniform(100.0, 900.0, size=(200, 1))
+
+
+@pytest.mark.parametrize("model", [PERSPECTIVE, FISHEYE])
+def test_lens_models_are_opencv_s(model: str) -> None:
+    points, lens = local_points(model), LENSES[model]
+    matrix = np.array([[lens[0], 0.0, lens[2]], [0.0, lens[1], lens[3]], [0.0, 0.0, 1.0]])
+    nothing = np.zeros(3)
+    if model == PERSPECTIVE:
+        wanted, _ = cv2.projectPoints(points, nothing, nothing, matrix, lens[4:])
+    else:
+        wanted, _ = cv2.fisheye.projectPoints(points[:, None], nothing, nothing, matrix, lens[4:])
+    np.testing.assert_allclose(project(model, lens, points)[0], wanted[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("model", [PERSPECTIVE, FISHEYE])
+def test_lens_derivatives_are_those_of_finite_differences(model: str) -> None:
+    points, lens = local_points(model), LENSES[model]
+    _, by_point, by_lens = project(model, lens, points)
+    for i in range(3):
+        step = np.eye(3)[i] * 1e-3
+        slope = (project(model, lens, points + step)[0] - project(model, lens, points - step)[0]) / 2e-3
+        np.testing.assert_allclose(by_point[..., i], slope, atol=1e-6)
+    for i in range(len(lens)):
+        size = 1e-5 if i < 4 else 1e-7
+        step = np.eye(len(lens))[i] * size
+        slope = (project(model, lens + step, points)[0] - project(model, lens - step, points)[0]) / (2.0 * size)
+        np.testing.assert_allclose(by_lens[..., i], slope, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize("model", [PERSPECTIVE, FISHEYE])
+def test_rays_are_the_way_back(model: str) -> None:
+    points, lens = local_points(model), LENSES[model]
+    wanted = points / np.linalg.norm(points, axis=1, keepdims=True)
+    np.testing.assert_allclose(rays(model, lens, project(model, lens, points)[0]), wanted, atol=1e-9)
+    np.testing.assert_allclose(rays(model, lens, lens[None, 2:4]), [[0.0, 0.0, 1.0]], atol=1e-12)
+
+
+def test_a_rig_camera_is_the_camera_of_everything_else() -> None:
+    camera = some_rig().cameras[0]
+    found = camera.as_camera()
+    assert isinstance(found, Camera)
+    points = camera.centre + local_points(PERSPECTIVE) @ camera.camera_to_world[:3, :3].T
+    np.testing.assert_allclose(
+        found.project(points)[0], project(camera.model, camera.lens, local_points(PERSPECTIVE))[0], atol=1e-8
+    )
+    with pytest.raises(InputError, match="OPENCV_FISHEYE"):
+        some_rig().cameras[1].as_camera()
