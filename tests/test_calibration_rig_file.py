@@ -14,7 +14,7 @@ from camera_cases import LENS
 from frametwin.cameras import Camera, look_at
 from frametwin.cameras.lens_models import FISHEYE, LENS_KEYS, PERSPECTIVE, project, rays
 from frametwin.cameras.rig_file import Rig, RigCamera, read_rig, write_rig
-from frametwin.capture.capture import read_cameras
+from frametwin.capture.transforms import read_cameras
 from frametwin.errors import InputError
 
 LENSES = {
