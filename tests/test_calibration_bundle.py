@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from board_pictures import random_pose, ring
 
-from frametwin.calibration import bundle as module
+from frametwin.calibration import bundle_terms as module
 from frametwin.calibration.boards import corner_points, parse_board
 from frametwin.calibration.bundle import Body, Bundle, Eye, Link, Solution, solve
 from frametwin.cameras.lens_models import project
@@ -40,9 +40,9 @@ def problem(model: str = "OPENCV", cameras: int = 3, moments: int = 6, noise: fl
     return Bundle(eyes, tuple(Body(pose) for pose in poses), tuple(links))
 
 
-def shaken(bundle: Bundle, size: float, seed: int = 3) -> tuple[Bundle, np.ndarray, module._Layout]:
+def shaken(bundle: Bundle, size: float, seed: int = 3) -> tuple[Bundle, np.ndarray, module.Layout]:
     rng = np.random.default_rng(seed)
-    layout = module._Layout(bundle)
+    layout = module.Layout(bundle)
     x = np.zeros(layout.count)
     for eye, columns in zip(bundle.eyes, layout.eyes, strict=True):
         scale = np.concatenate(
@@ -58,16 +58,16 @@ def shaken(bundle: Bundle, size: float, seed: int = 3) -> tuple[Bundle, np.ndarr
 def test_derivatives_are_those_of_finite_differences(model: str) -> None:
     bundle, x, layout = shaken(problem(model, 2, 2), 1.0)
     bundle = module.moved(bundle, x, layout)
-    batches = module._batches(bundle)
+    batches = module.batches_of(bundle)
     for batch in batches:
-        by_eye, by_body = module._jacobian(bundle, batch)
+        by_eye, by_body = module.jacobian_of(bundle, batch)
         for number, begin, end in batch.spans:
             body = layout.bodies[bundle.links[number].body]
             for matrix, columns in ((by_eye, layout.eyes[batch.eye]), (by_body, body)):
                 for i in np.flatnonzero(columns >= 0):
                     step = np.eye(layout.count)[columns[i]] * 1e-6
                     ahead, behind = (
-                        module._residuals(module.moved(bundle, s * step, layout), batch)[begin:end] for s in (1, -1)
+                        module.residuals_of(module.moved(bundle, s * step, layout), batch)[begin:end] for s in (1, -1)
                     )
                     slope = -(ahead - behind).ravel() / 2e-6
                     np.testing.assert_allclose(matrix[2 * begin : 2 * end, i], slope, rtol=1e-4, atol=2e-2)

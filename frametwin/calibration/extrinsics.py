@@ -26,7 +26,7 @@ from frametwin.progress import Progress, ProgressCallback, report
 
 Floats = NDArray[np.float64]
 
-LEAST_CONTRADICTORY_PX = 0.2
+LEAST_CONTRADICTORY_PX = 0.3
 """Corners of one picture that miss by less never contradict each other."""
 
 LOOSE = 2.5
@@ -125,7 +125,7 @@ def without_contradictory(rig: Rig, sightings: Sequence[Sighting]) -> tuple[tupl
         error = poses[0][0] if poses else np.inf
         if error > max(SPOILS * usual, LEAST_CONTRADICTORY_PX):
             words = f"its corners contradict each other: they miss by {error:.2f} px where {usual:.2f} px are usual"
-            reason = f"{words}; it is blurred, or the board bends"
+            reason = f"{words}; it is blurred, seen too steeply, or the board bends"
             left_out.append(LeftOut(sighting.camera, sighting.picture, reason))
         else:
             kept.append(sighting)

@@ -14,7 +14,7 @@ def command() -> None:
     """From cameras to a rig: each lens, where the cameras stand, and where the robot's world is.
 
     A RIG is a folder: the cameras with how well each is known (rig.json), the same for other tools
-    (transforms.json), and a page to look at (report.html). Lengths are in mm.
+    (transforms.json), and a page to look at (report.html). Lengths are in mm; every command has --json, for programs.
 
     \b
     A sheet to print:   frametwin calibrate board --kind charuco --out board.pdf

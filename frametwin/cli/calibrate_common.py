@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 from frametwin.cli.common import print_facts, print_json
 
@@ -26,7 +25,7 @@ class Place(click.ParamType):
             numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             numbers = ()
-        if len(numbers) not in (3, 4) or not np.isfinite(numbers).all() or np.abs(numbers).max() > 1e6:
+        if len(numbers) not in (3, 4) or not all(abs(number) <= 1e6 for number in numbers):
             self.fail(f"{value!r} is not X,Y,Z in mm, and a turn in degrees if there is one", param, ctx)
         return numbers
 
@@ -67,6 +66,8 @@ def tell_rig(folder: Path, rig: Rig, step: str, as_json: bool) -> None:
 
 
 def _camera_row(camera: RigCamera) -> dict[str, Any]:
+    import numpy as np
+
     row: dict[str, Any] = {"name": camera.name, "model": camera.model, "fl_x": camera.lens[0], "fl_y": camera.lens[1]}
     sigmas = None if camera.covariance is None else np.sqrt(np.diag(camera.covariance))
     row["sigma"] = None if sigmas is None else dict(zip(camera.keys, sigmas.tolist(), strict=True))
@@ -76,6 +77,8 @@ def _camera_row(camera: RigCamera) -> dict[str, Any]:
 
 
 def _camera_words(camera: RigCamera) -> str:
+    import numpy as np
+
     figures = camera.residuals
     words = f"focal length {camera.lens[0]:.2f} x {camera.lens[1]:.2f} px"
     if camera.covariance is not None:

@@ -50,7 +50,7 @@ def command(
     """Put raw PICTURES of a calibrated RIG's cameras together with the plan.
 
     PICTURES holds a picture for each camera, named after it, or a folder of each camera with pictures. CAPTURE is in
-    the plan's axes, and also holds how well the cameras are known (rig.json).
+    the plan's axes, in mm, and also holds how well the cameras are known (rig.json).
 
     \b
     Examples:
