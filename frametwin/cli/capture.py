@@ -28,7 +28,7 @@ from frametwin.cli.display import Display
 @click.option(
     "--base",
     type=Place(),
-    help="Where the plan's origin stands in the robot's base, as for print plan.  [default: 0,0,0]",
+    help="Where the plan's origin stands in the robot's base in mm, as for print plan.  [default: 0,0,0]",
 )
 @click.option("--background", type=FOLDER, metavar="PICTURES", help="The same views before printing.")
 @click.option("--moment", metavar="NAME", help="Which pictures, where each camera has a folder with several.")
