@@ -217,7 +217,8 @@ def test_a_killed_process_is_told_and_leaves_nothing(tmp_path: Path, workers: in
         text=True,
     )
     deadline = time.monotonic() + 120.0
-    while time.monotonic() < deadline and not (out / "samples" / "000001").exists():
+    both = [out / "samples" / "000000", out / "samples" / "000001"]  # so that either worker is past its start
+    while time.monotonic() < deadline and not all(sample.exists() for sample in both):
         time.sleep(0.02)
     children = psutil.Process(run.pid).children(recursive=True)
     next(child for child in children if "frametwin.worker" in child.cmdline()).kill()
