@@ -29,6 +29,7 @@ from frametwin.files import write_json
 from frametwin.fitting.api import fit_views
 from frametwin.formats import find_frame
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.raster.silhouette import silhouettes
 from frametwin.simulation.simulate import SimulationSettings, simulate
 from frametwin.wording import parsed_size
 
@@ -43,6 +44,8 @@ class Case:
     cameras: tuple[Camera, ...]
     masks: tuple[np.ndarray, ...]
     truth: Wireframe
+    torn: tuple[tuple[int, int], ...] = ()
+    """Strut and side of ends off their joints; ``truth`` has a vertex more for each."""
 
 
 Fault = Callable[[Case, np.random.Generator], Case]
@@ -165,6 +168,37 @@ def base_moved(degrees: float, shift: Sequence[float]) -> Fault:
     return spoil
 
 
+def torn(count: int, apart: float) -> Fault:
+    """Ends of struts hang beside their joints, so many mm apart; the struts turned about their other ends."""
+
+    def spoil(case: Case, rng: np.random.Generator) -> Case:
+        truth, ends = case.truth, torn_candidates(case.truth, rng)[:count]
+        vertices, edges, curves = list(truth.vertices), np.array(truth.edges), np.array(truth.control_points)
+        for strut, side in ends:
+            pivot, arm = curves[strut, 3 - 3 * side].copy(), curves[strut, 3 * side] - curves[strut, 3 - 3 * side]
+            axis = np.cross(arm, rng.normal(size=3))
+            angle = 2.0 * np.arcsin(min(1.0, 0.5 * apart / float(np.linalg.norm(arm))))
+            rotation = Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle).as_matrix()
+            curves[strut] = pivot + (curves[strut] - pivot) @ rotation.T
+            curves[strut, 3 - 3 * side] = pivot
+            edges[strut, side] = len(vertices)
+            vertices.append(curves[strut, 3 * side])
+        grounded = np.concatenate([truth.grounded, np.zeros(len(ends), dtype=bool)])
+        spoilt = truth.replace(vertices=np.array(vertices), edges=edges, control_points=curves, grounded=grounded)
+        masks = tuple(mask / np.float32(255) for mask in silhouettes(spoilt, case.cameras))
+        return replace(case, masks=masks, truth=spoilt, torn=tuple(ends))
+
+    return spoil
+
+
+def torn_candidates(truth: Wireframe, rng: np.random.Generator) -> list[tuple[int, int]]:
+    """One end of each slender strut between joints that others hold too, in random order."""
+    shared = (truth.degree[truth.edges] > 1).all(axis=1) & (truth.chord_lengths > 8.0 * truth.radius)
+    sides = rng.integers(0, 2, truth.strut_count)
+    ends = [(int(e), int(sides[e])) for e in rng.permutation(np.flatnonzero(shared))]
+    return [(e, side) for e, side in ends if not truth.grounded[truth.edges[e, side]]]
+
+
 FAULTS: dict[str, Fault] = {
     "exact": every_camera(),
     "turned-0.02": every_camera(degrees=0.02),
@@ -181,6 +215,7 @@ FAULTS: dict[str, Fault] = {
     "arm-white": arm(1.0),
     "blobs-1.5": blobs(1.5),
     "blobs-2.5": blobs(2.5),
+    "torn-3": torn(3, 5.0),
     "base-moved-5mm": base_moved(0.0, (3.0, 4.0, 0.0)),
     "base-turned-3": base_moved(3.0, (0.0, 0.0, 0.0)),
 }
@@ -197,8 +232,10 @@ def measure(name: str, fault: str, seed: int, size: tuple[int, int], cameras: st
     began = perf_counter()
     twin = fit_views(made.frame, case.cameras, case.masks, changes={"cameras": cameras}).twin
     seconds = perf_counter() - began
-    errors = evaluate(twin.control_points, twin.vertices, case.truth)
-    assert twin.sigma_across is not None
+    ends = [twin.control_points[strut, 3 * side] for strut, side in case.torn]
+    errors = evaluate(twin.control_points, np.array([*twin.vertices, *ends]), case.truth)
+    assert twin.sigma_across is not None and twin.attached is not None
+    found = {(int(strut), int(side)) for strut, side in np.argwhere(~twin.attached)}
     return {
         "frame": name,
         "fault": fault,
@@ -211,6 +248,8 @@ def measure(name: str, fault: str, seed: int, size: tuple[int, int], cameras: st
         "sigma": float(np.median(twin.sigma_across)),
         "left_out": [view["name"] for view in twin.views if not view["used"]],
         "held_by": twin.cameras[0]["held_by"] if twin.cameras else "rig",
+        "torn_found": len(found & set(case.torn)),
+        "torn_false": len(found - set(case.torn)),
         "verdict": twin.verdict.status,
         "seconds": seconds,
     }
@@ -230,8 +269,11 @@ def main(words: Sequence[str] | None = None) -> int:
     if size is None:
         parser.error("--size: write WIDTHxHEIGHT, such as 1600x1200")
     rows = []
-    print("| frame | fault | seed | mean / max mm | joints mm | within 2 sigma | left out | held by | verdict | s |")
-    print("| --- " * 10 + "|")
+    print(
+        "| frame | fault | seed | mean / max mm | joints mm | within 2 sigma | left out | torn, false | held by |"
+        " verdict | s |"
+    )
+    print("| --- " * 11 + "|")
     for name in options.frames:
         for fault in options.faults:
             for seed in options.seeds:
@@ -241,7 +283,8 @@ def main(words: Sequence[str] | None = None) -> int:
                 print(
                     f"| {Path(name).stem} | {fault} | {seed} | {row['mean']:.3f} / {row['max']:.2f} |"
                     f" {row['joints']:.3f} | {row['within_two_sigma']:.2f} | {len(row['left_out'])} |"
-                    f" {row['held_by']} | {row['verdict']} | {row['seconds']:.1f} |",
+                    f" {row['torn_found']}, {row['torn_false']} | {row['held_by']} | {row['verdict']} |"
+                    f" {row['seconds']:.1f} |",
                     flush=True,
                 )
     if options.json is not None:

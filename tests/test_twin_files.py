@@ -52,7 +52,7 @@ def test_round_trip(tmp_path: Path, curved_frame: Wireframe) -> None:
 def test_file_is_as_designed(tmp_path: Path, curved_frame: Wireframe) -> None:
     write_twin(tmp_path, make(curved_frame))
     data = json.loads((tmp_path / "twin.json").read_text())
-    since_2 = {"sigma_across", "sigma_along", "joint_radius", "cameras", "views", "verdict"}
+    since_2 = {"sigma_across", "sigma_along", "joint_radius", "attached", "gap", "cameras", "views", "verdict"}
     assert set(data) == {"format", "version", *ARRAYS, "loss", "timing", "provenance", *since_2}
     assert (data["format"], data["version"]) == ("frametwin-twin", 2)
     assert data["verdict"] == {"status": "good", "reasons": []} and data["sigma_across"] is None

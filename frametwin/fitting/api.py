@@ -160,6 +160,7 @@ def _whole(frame: Wireframe, struts: np.ndarray, joints: np.ndarray, part: PartF
     vertices, control_points = np.array(frame.vertices), np.array(frame.control_points)
     vertices[joints], control_points[struts] = part.vertices, part.control_points
     vertices, control_points = blend(frame, vertices, control_points, part.field.evaluate)
+    control_points[struts] = part.control_points  # torn ends are not drawn back to their joints
     thickness = np.repeat(frame.radius[:, None], part.thickness.shape[1], axis=1)
     thickness[struts] = part.thickness
     opacity = np.zeros_like(thickness)
@@ -177,15 +178,17 @@ def _whole(frame: Wireframe, struts: np.ndarray, joints: np.ndarray, part: PartF
         joint_radius=_spread(part.joint_radius, joints, frame.vertex_count, 0.0),
         sigma_across=_spread(part.sigma_across, struts, frame.strut_count, unseen),
         sigma_along=_spread(part.sigma_along, struts, frame.strut_count, unseen),
+        attached=_spread(part.attached, struts, frame.strut_count, True),
+        gap=_spread(part.gap, struts, frame.strut_count, 0.0),
         loss=part.loss,
     )
 
 
-def _spread(values: np.ndarray | None, where: np.ndarray, count: int, elsewhere: float) -> np.ndarray | None:
+def _spread(values: np.ndarray | None, where: np.ndarray, count: int, elsewhere: float | bool) -> np.ndarray | None:
     """Values of what was fitted among those of the whole frame, of which the rest was not seen."""
     if values is None:
         return None
-    result = np.full(count, elsewhere)
+    result = np.full((count, *values.shape[1:]), elsewhere)
     result[where] = values
     return result
 

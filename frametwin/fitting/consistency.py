@@ -19,6 +19,7 @@ from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import common_size
+from frametwin.fitting.torn_ends import Torn, mended, rejoined
 from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
 
 CLEARLY = 0.3
@@ -55,6 +56,8 @@ class Consistent:
     used : (N,) array of bool
     misfit : ViewMisfit
         Of all views.
+    torn : Torn
+        Ends of struts that hang free; problem and state have a vertex of its own for each.
     holds : str
         What holds the world: ``rig`` where the cameras were taken as exact, else ``feet`` or ``cameras``.
     """
@@ -63,6 +66,7 @@ class Consistent:
     state: State
     used: np.ndarray
     misfit: ViewMisfit
+    torn: Torn
     holds: str
 
 
@@ -78,15 +82,15 @@ def consistent_fit(problem: Problem, field: DeformationField | None) -> Consiste
         if not problem.settings.leave_out_views or not wrong.size or len(used) - len(wrong) < FEWEST:
             break
         record, used = state.record, np.delete(used, wrong)
-    state = _finished(part, recover(part, state))
+    part, state, torn = _finished(part, recover(part, state))
     holds = "rig"
     if state.cameras is not None:
         state, holds = _held(part, state)
     whole = state if state.cameras is None else replace(state, cameras=_spread(state.cameras, used, problem))
-    misfit = _misfit(problem, whole, problem.settings.finish[0])
+    misfit = _misfit(replace(part, levels=problem.levels), whole, problem.settings.finish[0])
     mask = np.zeros(problem.levels.view_count, dtype=bool)
     mask[used] = True
-    return Consistent(part, state, mask, misfit, holds)
+    return Consistent(part, state, mask, misfit, torn, holds)
 
 
 def _spread(cameras: np.ndarray, used: np.ndarray, problem: Problem) -> np.ndarray:
@@ -129,13 +133,16 @@ def _with_joint_material(problem: Problem, state: State) -> State:
     return refine(problem, replace(state, joint_size=np.full(problem.elastic.vertex_count, size)))
 
 
-def _finished(problem: Problem, state: State) -> State:
-    """The last stages; cameras that turn out not to be exact to the last digit are freed on the way."""
+def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn]:
+    """The last stages; torn ends, and cameras that are not exact to the last digit, are freed on the way."""
+    problem, state, torn = mended(plan, state, plan.settings.learn_torn)
     for stage in problem.settings.finish:
         state = free_stage(problem, state, stage)
         if state.cameras is None and problem.settings.cameras == "auto":
             state = _freed(problem, state, stage)
-    return state.lapped("finish")
+        if stage is not problem.settings.finish[-1]:
+            problem, state, torn = rejoined(plan, problem, state, torn, stage)
+    return problem, state.lapped("finish"), torn
 
 
 def _freed(problem: Problem, state: State, stage: Stage) -> State:

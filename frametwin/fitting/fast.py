@@ -64,10 +64,11 @@ def _result(found: Consistent) -> PartFit:
     known = confidence(problem.elastic, state.last_terms)
     field = field_through(problem.frame, rods.control_points, settings.field_cells, known)
     doubt = _uncertainty(found, rods)
+    torn, struts = found.torn, len(rods.edges)
     state = state.lapped("field")
     return PartFit(
         control_points=rods.control_points,
-        vertices=rods.joints,
+        vertices=rods.joints[: torn.planned],
         thickness=rods.radius,
         opacity=opacity,
         confidence=doubt.confidence,
@@ -75,9 +76,11 @@ def _result(found: Consistent) -> PartFit:
         loss=state.record.loss,
         timing=state.record.timing,
         views=_views(found),
-        joint_radius=rods.joint_radius(),
+        joint_radius=rods.joint_radius()[: torn.planned],
         sigma_across=doubt.across,
         sigma_along=doubt.along,
+        attached=torn.attached(struts),
+        gap=torn.gaps(rods.joints, struts),
     )
 
 

@@ -103,6 +103,7 @@ class FastSettings(Changeable):
     recover : stages after struts that were seen to be astray have been put where their neighbours expect them.
     finish : last stages.
     learn_thickness, learn_opacity : whether radius and presence are found.
+    learn_torn : whether ends of struts may be found torn off their joints.
     suspicious : a strut whose pixels are less white than this share is astray or missing.
     troubled : with more than this share of the struts astray after the frame's own motions, others are tried too.
     absent : a piece whose pixels are less white than this share is missing.
@@ -145,6 +146,7 @@ class FastSettings(Changeable):
     )
     learn_thickness: bool = True
     learn_opacity: bool = True
+    learn_torn: bool = True
     suspicious: Share = 0.9
     troubled: Share = 0.03
     absent: Share = 0.5

@@ -24,6 +24,9 @@ MANY_UNCERTAIN = 0.3
 FAR = 4.0
 """Standard deviations of its rig by which a camera may be corrected without a word."""
 
+TOLD = 5
+"""Torn ends that are named."""
+
 
 def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Verdict:
     """Judge a fit.
@@ -64,7 +67,18 @@ def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Ver
         " belongs to another camera or moment"
         for name in left
     ]
-    return Verdict.of(wrong, doubtful, [*notes, *moved_cameras(views, cameras)])
+    return Verdict.of(wrong, doubtful, [*notes, *torn_ends(part), *moved_cameras(views, cameras)])
+
+
+def torn_ends(part: PartFit) -> list[str]:
+    """A sentence on the ends of struts that are torn off their joints, the widest gaps first."""
+    if part.attached is None or part.gap is None or part.attached.all():
+        return []
+    gap = part.gap
+    torn = sorted(np.argwhere(~part.attached).tolist(), key=lambda end: -float(gap[end[0], end[1]]))
+    told = [f"strut {e} at its {('start', 'end')[side]} by {gap[e, side]:.1f} mm" for e, side in torn[:TOLD]]
+    rest = f", and {len(torn) - TOLD} more" if len(torn) > TOLD else ""
+    return [f"torn off their joints: {'; '.join(told)}{rest}"]
 
 
 def moved_cameras(views: ViewsFit, cameras: Sequence[Camera]) -> list[str]:

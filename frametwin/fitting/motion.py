@@ -10,6 +10,7 @@ from scipy import sparse
 
 from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
+from frametwin.mechanics.beams import factorise
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, Terms
@@ -134,19 +135,62 @@ def free_step(
     turned = follow.transpose(0, 2, 1)
     away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
     bent = pose.inner - anchor.inner
-    stiffness = elastic.stiffness + elastic.spin_stiffness
-    outer = np.matmul(turned, np.matmul(terms.hessian, follow)) + (pull + drag) * stiffness
-    mixed = np.matmul(turned, terms.hessian[:, :, INNER])
-    inner = terms.hessian[:, INNER, INNER] + (pull + drag) * elastic.inner_stiffness
-    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(stiffness, away[:, :, None])
+    slope = np.matmul(turned, terms.gradient[:, :, None])
+    slope += pull * np.matmul(elastic.stiffness + elastic.spin_stiffness, away[:, :, None])
     inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
-    solved = np.linalg.solve(inner, np.concatenate([mixed.transpose(0, 2, 1), inner_slope], axis=2))
-    outer -= np.matmul(mixed, solved[:, :, :12])
-    slope -= np.matmul(mixed, solved[:, :, 12:])
-    held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
-    matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))
+    matrix, mixed, inner, held = _without_inner(elastic, terms, pull + drag)
+    own_slope = np.linalg.solve(inner, inner_slope)
+    slope -= np.matmul(mixed, own_slope)
     shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
     right = -elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
     joints = elastic.solve(matrix, right)
-    own = -solved[:, :, 12] - np.matmul(solved[:, :, :12], joints[elastic.freedoms][:, :, None])[:, :, 0]
-    return joints.reshape(-1, 6), own
+    follows = np.linalg.solve(inner, np.matmul(mixed.transpose(0, 2, 1), joints[elastic.freedoms][:, :, None]))
+    return joints.reshape(-1, 6), (-own_slope - follows)[:, :, 0]
+
+
+def _without_inner(
+    elastic: ElasticFrame, terms: Terms, weight: float
+) -> tuple[sparse.csc_matrix, np.ndarray, np.ndarray, np.ndarray]:
+    """The system of pictures and elastic energy with the struts' own freedoms eliminated.
+
+    Returns
+    -------
+    (6V, 6V) over the joints' freedoms; (E, 12, 6) and (E, 6, 6) what was eliminated; (V, 1) how feet are held.
+    """
+    turned = elastic.follow.transpose(0, 2, 1)
+    outer = np.matmul(turned, np.matmul(terms.hessian, elastic.follow))
+    outer += weight * (elastic.stiffness + elastic.spin_stiffness)
+    mixed = np.matmul(turned, terms.hessian[:, :, INNER])
+    inner = terms.hessian[:, INNER, INNER] + weight * elastic.inner_stiffness
+    outer -= np.matmul(mixed, np.linalg.solve(inner, mixed.transpose(0, 2, 1)))
+    held = GROUND * weight * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
+    return elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3)), mixed, inner, held
+
+
+def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs: np.ndarray) -> np.ndarray:
+    """How loosely pictures and elastic energy hold pairs of joints to each other.
+
+    Parameters
+    ----------
+    elastic, terms
+        The frame, and what the pictures say of it.
+    weight : float
+        Of the elastic energy.
+    pairs : (N, 2) array of int
+        Joints.
+
+    Returns
+    -------
+    (N, 3, 3) array, mm^2 pixels^-2
+        The inverse of it takes the shift from one joint to the other to twice the rise of the loss that moving them
+        together costs when all else follows.
+    """
+    matrix, *_ = _without_inner(elastic, terms, weight)
+    factor = factorise(elastic.anchored(matrix))
+    result = np.empty((len(pairs), 3, 3))
+    for i, (first, second) in enumerate(pairs):
+        apart = np.zeros((6 * elastic.vertex_count, 3))
+        apart[6 * first + np.arange(3), np.arange(3)] = 1.0
+        apart[6 * second + np.arange(3), np.arange(3)] = -1.0
+        result[i] = apart.T @ np.stack([factor.solve(column) for column in apart.T], axis=1)
+    return result

@@ -65,6 +65,10 @@ class PartFit:
         Of the material at each joint, likewise.
     sigma_across, sigma_along : (E,) array or None, mm
         Standard deviation of each strut across and along itself, likewise.
+    attached : (E, 2) array of bool or None
+        Whether the start and the end of each strut are at their joints, likewise.
+    gap : (E, 2) array or None, mm
+        How far ends that are not attached are from their joints, 0 for the others.
     """
 
     control_points: np.ndarray
@@ -79,6 +83,8 @@ class PartFit:
     joint_radius: np.ndarray | None = None
     sigma_across: np.ndarray | None = None
     sigma_along: np.ndarray | None = None
+    attached: np.ndarray | None = None
+    gap: np.ndarray | None = None
 
 
 class Fitter(Protocol):

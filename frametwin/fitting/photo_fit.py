@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -73,8 +72,7 @@ def fit_by_turns(
     if not any(mask.photo is not None and mask.used for mask in seen):
         return result, seen
     for _ in range(rounds):
-        twin = replace(capture.frame, vertices=result.twin.vertices, control_points=result.twin.control_points)
-        seen = refine_view_masks(capture, seen, twin)
+        seen = refine_view_masks(capture, seen, result.twin.as_wireframe(capture.frame))
         require_views(capture, seen)
         result = _fit_used(capture, seen, fit, result.field)
     return result, seen

@@ -44,6 +44,10 @@ class Twin:
         (E,) standard deviation of the strut across and along itself in mm; ``None`` where nothing is known of it.
     joint_radius
         (V,) radius of the material at each joint in mm; ``None`` likewise.
+    attached
+        (E, 2) bool: whether the start and the end of the strut are at their joints; ``None`` where nobody looked.
+    gap
+        (E, 2) how far an end that is not attached is from its joint in mm, 0 for the others; ``None`` likewise.
     cameras
         What was corrected of each camera, and by how many standard deviations of its rig.
     views
@@ -73,6 +77,8 @@ class Twin:
     sigma_across: np.ndarray | None = None
     sigma_along: np.ndarray | None = None
     joint_radius: np.ndarray | None = None
+    attached: np.ndarray | None = None
+    gap: np.ndarray | None = None
     cameras: Sequence[Mapping[str, Any]] = ()
     views: Sequence[Mapping[str, Any]] = ()
     verdict: Verdict = Verdict()
@@ -112,6 +118,10 @@ class Twin:
             if getattr(self, name) is not None:
                 values = checked_array(getattr(self, name), "f", (count,), source, name)
                 arrays[name] = _in_range(values, math.inf, source, name)
+        if self.attached is not None:
+            arrays["attached"] = checked_array(self.attached, "b", (struts, 2), source, "attached")
+        if self.gap is not None:
+            arrays["gap"] = _in_range(checked_array(self.gap, "f", (struts, 2), source, "gap"), math.inf, source, "gap")
         for name, value in arrays.items():
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -152,6 +162,8 @@ class Twin:
     def as_wireframe(self, frame: Wireframe) -> Wireframe:
         """Give the plan ``frame`` the twin's curves.
 
+        Ends that are torn off their joints get vertices of their own after those of the plan.
+
         Raises
         ------
         InputError
@@ -166,11 +178,18 @@ class Twin:
                 f" the twin {self.strut_count} and {len(self.vertices)}",
                 "give the frame that the twin was made from",
             )
-        return frame.replace(vertices=self.vertices, control_points=self.control_points)
+        vertices, edges, grounded = self.vertices, np.array(frame.edges), frame.grounded
+        if self.attached is not None and not self.attached.all():
+            torn = np.argwhere(~self.attached)
+            edges[torn[:, 0], torn[:, 1]] = len(vertices) + np.arange(len(torn))
+            vertices = np.concatenate([vertices, self.control_points[torn[:, 0], 3 * torn[:, 1]]])
+            grounded = np.concatenate([grounded, np.zeros(len(torn), dtype=bool)])
+        return frame.replace(vertices=vertices, edges=edges, grounded=grounded, control_points=self.control_points)
 
 
 _FIELDS = tuple(item.name for item in fields(Twin))
-_SINCE_2 = ("sigma_across", "sigma_along", "joint_radius", "cameras", "views", "verdict")
+_SINCE_2 = ("sigma_across", "sigma_along", "joint_radius", "attached", "gap", "cameras", "views", "verdict")
+_OPTIONAL = ("attached", "gap")
 
 
 def _in_range(values: np.ndarray, highest: float, source: str, name: str) -> np.ndarray:
@@ -219,11 +238,11 @@ def read_twin(path: PathLike) -> Twin:
     version = check_format(data, file, FORMAT, VERSION, oldest=1)
     wanted = [name for name in _FIELDS if version > 1 or name not in _SINCE_2]
     for name in wanted:
-        if name not in data:
+        if name not in data and name not in _OPTIONAL:
             raise InputError.at(file, name, "is missing", "fit the capture again")
     unknown = [key for key in data if key not in (*wanted, "format", "version")]
     if unknown:
         raise InputError.at(file, unknown[0], "is not a field of a twin file", "remove it")
     if not isinstance(data["loss"], list):
         raise InputError.at(file, "loss", "is not a list", "write the loss after each iteration as [number, ...]")
-    return Twin(**{name: data[name] for name in wanted}, source=str(file))
+    return Twin(**{name: data[name] for name in wanted if name in data}, source=str(file))

@@ -66,13 +66,13 @@ def adapt(plan: Wireframe, twin: Twin, field: DeformationField, settings: AdaptS
         If the twin is not one of this plan.
     """
     settings = AdaptSettings() if settings is None else settings
-    seen = twin.as_wireframe(plan)
+    twin.as_wireframe(plan)  # refuses a twin of another plan
     standing = plan.printed.copy()
     standing[lost_struts(plan, twin, settings)] = False
     trusted = standing & (twin.confidence >= settings.confidence)
     stands = plan.replace(printed=standing)
     guessed = stands.printed_vertices() & ~plan.replace(printed=trusted).printed_vertices()
-    vertices, curves = np.array(seen.vertices), np.array(seen.control_points)
+    vertices, curves = np.array(twin.vertices), np.array(twin.control_points)
     if guessed.any():
         vertices[guessed] = plan.vertices[guessed] + field.evaluate(plan.vertices[guessed])
     unsure = np.flatnonzero(standing & ~trusted)
