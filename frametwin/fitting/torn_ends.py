@@ -46,6 +46,9 @@ stretch. A strut of which a part is missing would be shortened."""
 MOST = 0.1
 """Share of the struts that are tried at a time, at most, those that gain most."""
 
+TRIAL = 3
+"""Steps of each stage of a trial, at most."""
+
 ROUNDS = 2
 """Times that ends are tried; of each joint and strut one at a time."""
 
@@ -120,8 +123,8 @@ def mended(problem: Problem, state: State, learn: bool = True) -> tuple[Problem,
         trial_torn = torn.with_ends(ends, plan.frame)
         trial = _separated(plan, trial_torn)
         tried = _freed(trial, state, trial_torn, shift)
-        for again in (*problem.settings.refine[-2:], stage):
-            tried = free_stage(trial, tried, again)
+        for again in problem.settings.refine[-2:]:
+            tried = free_stage(trial, tried, replace(again, iterations=min(again.iterations, TRIAL)))
         kept = _apart(trial, tried, trial_torn, stage, (LIKELY_GAP, LIKELY))
         found = trial_torn.only(kept)
         if not kept[len(torn.ends) :].any():
