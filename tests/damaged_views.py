@@ -23,7 +23,7 @@ each_key("transforms.json", {"frames": "frames"}, lambda data, key: data.pop(key
 value("transforms.json", "frames", (), {}, "frames_no_list")
 value("transforms.json", "frames", (), [1, 2, 3], "frames_no_objects")
 value("transforms.json", "frames", (), [], "no_views")
-value("transforms.json", "camera_model", (), "OPENCV_FISHEYE", "fisheye", "camera_model")
+value("transforms.json", "camera_model", (), "EQUIRECTANGULAR", "panorama", "camera_model")
 value("transforms.json", "version", (), "1", "version_text")
 for _key in ("file_path", "transform_matrix", "fl_x", "fl_y", "cx", "cy", "w", "h"):
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from camera_cases import CASES, assert_same, points_ahead, random_camera
@@ -220,7 +221,7 @@ def test_impossible_cameras_are_refused(changes: dict, field: str) -> None:
         ({"w": "wide"}, "w"),
         ({"transform_matrix": [[1, 0, 0, 0]]}, "transform_matrix"),
         ({"transform_matrix": None}, "transform_matrix"),
-        ({"camera_model": "OPENCV_FISHEYE"}, "camera_model"),
+        ({"camera_model": "EQUIRECTANGULAR"}, "camera_model"),
         ({"k4": 0.1}, "k4"),
         ({"k1": "much"}, "k1"),
     ],
@@ -239,3 +240,25 @@ def test_cameras_cannot_be_changed_behind_their_back() -> None:
     for array in (camera.camera_to_world, camera.world_to_camera, camera.distortion):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+
+
+def test_an_angle_of_view_tells_the_focal_length() -> None:
+    pose = {"transform_matrix": np.eye(4).tolist(), "file_path": "r_0"}
+    camera = from_nerfstudio(pose, shared={"camera_angle_x": np.pi / 2}, size=(800, 600))
+    np.testing.assert_allclose((camera.fl_x, camera.fl_y, camera.cx, camera.cy), (400.0, 400.0, 400.0, 300.0))
+    own = from_nerfstudio({**pose, "fl_x": 9.0, "fl_y": 9.0, "cx": 4, "cy": 3, "w": 8.0, "h": 6.0}, shared=pose)
+    assert (own.fl_x, own.width) == (9.0, 8)
+
+
+def test_a_list_of_coefficients_and_a_fisheye() -> None:
+    frame = to_nerfstudio(random_camera(4, distorted=False), "a.png")
+    listed = from_nerfstudio({**frame, "distortion_params": [0.1, 0.2, 0.3, 0.0, 0.01, 0.02]})
+    np.testing.assert_array_equal(listed.distortion, [0.1, 0.2, 0.01, 0.02, 0.3])
+    wide = from_nerfstudio({**frame, "camera_model": "OPENCV_FISHEYE", "k1": 0.02, "k4": 0.001})
+    local = np.array([[0.4, -0.3, 1.0], [0.9, 0.2, 1.0]])
+    world = local @ wide.camera_to_world[:3, :3].T + wide.centre
+    wanted = cv2.fisheye.projectPoints(local[:, None], np.zeros(3), np.zeros(3), wide.K, wide.distortion)[0][:, 0]
+    pixels, depth = wide.project(world)
+    np.testing.assert_allclose(pixels, wanted, atol=1e-6)
+    np.testing.assert_allclose(wide.unproject(pixels, depth), world, atol=1e-6)
+    assert_same(from_nerfstudio(to_nerfstudio(wide, "a.png")), wide)

@@ -10,10 +10,9 @@ from frametwin.cameras.colmap import read_colmap_text, write_colmap_text
 from frametwin.cameras.conversions import (
     BlenderCamera,
     from_blender,
-    from_nerfstudio,
     to_blender,
-    to_nerfstudio,
 )
+from frametwin.cameras.nerfstudio import from_nerfstudio, to_nerfstudio
 
 __all__ = [
     "BlenderCamera",

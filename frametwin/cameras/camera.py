@@ -10,13 +10,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from frametwin.arrays import checked_array
-from frametwin.cameras import distortion as lens
+from frametwin.cameras import distortion as perspective_lens
+from frametwin.cameras import fisheye as fisheye_lens
 from frametwin.errors import InputError
 
 Floats = NDArray[np.float64]
 
 MAX_PIXELS = 32768  # longest side; larger values are broken files, not cameras
 RIGID_TOLERANCE = 1e-4  # a rotation written with five digits still passes
+FOCAL_RANGE = (1e-3, 1e7)  # pixels; what is beyond is no lens
+
+PERSPECTIVE, FISHEYE = "OPENCV", "OPENCV_FISHEYE"
+DISTORTION_KEYS: dict[str, tuple[str, ...]] = {
+    PERSPECTIVE: ("k1", "k2", "p1", "p2", "k3"),
+    FISHEYE: ("k1", "k2", "k3", "k4"),
+}
+"""Coefficients of each lens model, in the order in which they stand in arrays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +45,17 @@ class Camera:
     camera_to_world
         (4, 4) rigid pose in mm, OpenCV axes (x right, y down, z forward).
     distortion
-        (5,) OpenCV coefficients k1, k2, p1, p2, k3; zeros for none.
+        OpenCV's coefficients: (5,) k1, k2, p1, p2, k3, zeros for none; of a fisheye (4,) k1, k2, k3, k4.
+    model
+        ``OPENCV`` (perspective) or ``OPENCV_FISHEYE``.
     source
         Where the values come from, such as a file and a field; only named in error messages, not kept.
 
     Raises
     ------
     InputError
-        For sizes or focal lengths that are not positive, values that are not finite, or a pose that is not
-        rigid.
+        For sizes or focal lengths that are not positive or not those of a camera, values that are not finite, a pose
+        that is not rigid, or an unknown model.
     """
 
     name: str
@@ -56,6 +67,7 @@ class Camera:
     cy: float
     camera_to_world: Floats
     distortion: Floats = field(default_factory=lambda: np.zeros(5))
+    model: str = PERSPECTIVE
     source: InitVar[str | None] = None
 
     def __post_init__(self, source: str | None) -> None:
@@ -65,6 +77,8 @@ class Camera:
             object.__setattr__(self, key, value)
             if key in ("fl_x", "fl_y") and value <= 0.0:
                 raise InputError.at(where, key, "is not positive", "give the focal length in pixels, above 0")
+            if key in ("fl_x", "fl_y") and not FOCAL_RANGE[0] <= value <= FOCAL_RANGE[1]:
+                raise InputError.at(where, key, f"{value:g} is not a focal length", "give it in pixels")
         for key in ("width", "height"):
             value = getattr(self, key)
             if value != int(value) or not 1 <= value <= MAX_PIXELS:
@@ -73,8 +87,12 @@ class Camera:
             object.__setattr__(self, key, int(value))
         pose = checked_array(self.camera_to_world, "f", (4, 4), where, "camera_to_world")
         _check_rigid(where, pose)
-        distortion = checked_array(self.distortion, "f", (5,), where, "distortion")
-        for key, array in (("camera_to_world", pose), ("distortion", distortion)):
+        if self.model not in DISTORTION_KEYS:
+            remedy = f"use one of {', '.join(DISTORTION_KEYS)}"
+            raise InputError.at(where, "model", f"{self.model!r} is not known", remedy)
+        count = len(DISTORTION_KEYS[self.model])
+        coefficients = checked_array(self.distortion, "f", (count,), where, "distortion")
+        for key, array in (("camera_to_world", pose), ("distortion", coefficients)):
             array.setflags(write=False)
             object.__setattr__(self, key, array)
 
@@ -110,8 +128,16 @@ class Camera:
 
     @property
     def has_distortion(self) -> bool:
-        """Whether any distortion coefficient is not zero."""
-        return bool(np.any(self.distortion != 0.0))
+        """Whether pictures differ from a pinhole camera's: a coefficient is not zero, or the lens is a fisheye."""
+        return self.model != PERSPECTIVE or bool(np.any(self.distortion != 0.0))
+
+    def distort(self, plane: ArrayLike) -> Floats:
+        """Points (..., 2) on the plane at depth 1, as the lens shifts them."""
+        return (fisheye_lens if self.model == FISHEYE else perspective_lens).distort(plane, self.distortion)
+
+    def undistort(self, plane: ArrayLike) -> Floats:
+        """The inverse of `distort`; NaN where there is none."""
+        return (fisheye_lens if self.model == FISHEYE else perspective_lens).undistort(plane, self.distortion)
 
     def project(self, points: ArrayLike, distort: bool = True) -> tuple[Floats, Floats]:
         """Pixels of world points.
@@ -137,7 +163,7 @@ class Camera:
         ahead = np.where(depth > 0.0, depth, np.nan)
         plane = local[..., :2] / ahead[..., None]
         if distort and self.has_distortion:
-            plane = lens.distort(plane, self.distortion)
+            plane = self.distort(plane)
         return plane * (self.fl_x, self.fl_y) + (self.cx, self.cy), depth
 
     def unproject(self, pixels: ArrayLike, depth: ArrayLike) -> Floats:
@@ -156,7 +182,7 @@ class Camera:
         """
         plane = (np.asarray(pixels, dtype=np.float64) - (self.cx, self.cy)) / (self.fl_x, self.fl_y)
         if self.has_distortion:
-            plane = lens.undistort(plane, self.distortion)
+            plane = self.undistort(plane)
         depth = np.asarray(depth, dtype=np.float64)[..., None]
         local = np.concatenate(np.broadcast_arrays(plane[..., :1], plane[..., 1:], 1.0), axis=-1) * depth
         return local @ self.camera_to_world[:3, :3].T + self.camera_to_world[:3, 3]
@@ -176,7 +202,7 @@ class Camera:
 
     def without_distortion(self) -> Camera:
         """The pinhole camera with the same intrinsics, whose pictures are the undistorted ones."""
-        return replace(self, distortion=np.zeros(5)) if self.has_distortion else self
+        return replace(self, distortion=np.zeros(5), model=PERSPECTIVE) if self.has_distortion else self
 
 
 def look_at(centre: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:

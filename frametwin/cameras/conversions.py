@@ -1,113 +1,19 @@
-"""Cameras of nerfstudio (OpenGL axes) and Blender as plain numbers, exact both ways."""
+"""Cameras of Blender as plain numbers, exact both ways."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frametwin.arrays import checked_array
 from frametwin.cameras.camera import Camera
 from frametwin.errors import InputError
 
 Floats = NDArray[np.float64]
 
 OPENGL_AXES = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL and Blender look along -z with y up
-DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
-NUMBERS = ("fl_x", "fl_y", "cx", "cy", "w", "h", *DISTORTION_KEYS)
-NERFSTUDIO_SHAPES: dict[str, tuple[int, ...]] = {"transform_matrix": (4, 4), **dict.fromkeys(NUMBERS, ())}
-PERSPECTIVE_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 SENSOR_FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
-
-
-def to_nerfstudio(camera: Camera, file_path: str) -> dict[str, Any]:
-    """One entry of ``frames`` of a nerfstudio ``transforms.json``.
-
-    Parameters
-    ----------
-    camera
-        The camera.
-    file_path
-        Its picture, relative to the file, with forward slashes.
-
-    Returns
-    -------
-    ``file_path``, ``transform_matrix`` (4 x 4 camera to world, OpenGL axes, mm), ``fl_x fl_y cx cy w h`` and,
-    only for a camera that distorts, ``k1 k2 p1 p2 k3``. The name of the camera is the picture's.
-    """
-    frame: dict[str, Any] = {
-        "file_path": file_path,
-        "transform_matrix": (camera.camera_to_world @ OPENGL_AXES).tolist(),
-        "fl_x": camera.fl_x,
-        "fl_y": camera.fl_y,
-        "cx": camera.cx,
-        "cy": camera.cy,
-        "w": camera.width,
-        "h": camera.height,
-    }
-    if camera.has_distortion:
-        frame |= dict(zip(DISTORTION_KEYS, camera.distortion.tolist(), strict=True))
-    return frame
-
-
-def from_nerfstudio(
-    frame: Mapping[str, Any],
-    *,
-    shared: Mapping[str, Any] | None = None,
-    name: str | None = None,
-    source: str = "transforms.json",
-) -> Camera:
-    """The camera of one entry of ``frames`` of a nerfstudio ``transforms.json``.
-
-    Parameters
-    ----------
-    frame
-        The entry.
-    shared
-        The top level of the file, whose intrinsics count where the entry has none of its own.
-    name
-        The camera's name; the entry's ``file_path`` when absent.
-    source
-        File and entry for error messages.
-
-    Raises
-    ------
-    InputError
-        For a missing field, a camera model or coefficient that is not OpenCV's perspective one, or values
-        that ``Camera`` refuses.
-    """
-    values = {**(shared or {}), **frame}
-    for key, shape in NERFSTUDIO_SHAPES.items():
-        # Checked here under the names of the file; Camera knows them by its own.
-        if key not in DISTORTION_KEYS or key in values:
-            values[key] = checked_array(values.get(key), "f", shape, source, key)
-    model = values.get("camera_model", "OPENCV")
-    if model not in PERSPECTIVE_MODELS:
-        raise InputError.at(
-            source,
-            "camera_model",
-            f"{model!r} is not supported",
-            f"use one of {', '.join(PERSPECTIVE_MODELS)}",
-        )
-    for key in ("k4", "k5", "k6"):
-        if values.get(key, 0) != 0:
-            raise InputError.at(source, key, "the coefficient is not supported", "calibrate with k1 k2 p1 p2 k3 only")
-    pinhole = Camera(
-        name=str(values.get("file_path", "camera")) if name is None else name,
-        width=values["w"],
-        height=values["h"],
-        fl_x=values["fl_x"],
-        fl_y=values["fl_y"],
-        cx=values["cx"],
-        cy=values["cy"],
-        camera_to_world=values["transform_matrix"],
-        distortion=np.array([values.get(key, 0.0) for key in DISTORTION_KEYS]),
-        source=source,
-    )
-    return replace(pinhole, camera_to_world=pinhole.camera_to_world @ OPENGL_AXES)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,19 +9,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from frametwin.cameras import distortion
+from frametwin.cameras import distortion, fisheye
+from frametwin.cameras.camera import DISTORTION_KEYS, FISHEYE, PERSPECTIVE
 
 Floats = NDArray[np.float64]
 
-PERSPECTIVE, FISHEYE = "OPENCV", "OPENCV_FISHEYE"
-
 LENS_KEYS: dict[str, tuple[str, ...]] = {
-    PERSPECTIVE: ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2", "k3"),
-    FISHEYE: ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4"),
+    model: ("fl_x", "fl_y", "cx", "cy", *keys) for model, keys in DISTORTION_KEYS.items()
 }
 """Parameters of each model by their names in ``transforms.json``, in the order in which they stand in arrays."""
-
-_STEPS, _TOLERANCE = 50, 1e-13
 
 
 def project(model: str, lens: ArrayLike, local: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -46,7 +42,7 @@ def project(model: str, lens: ArrayLike, local: ArrayLike) -> tuple[Floats, Floa
         Derivative of the pixels by the parameters.
     """
     values, points = np.asarray(lens, dtype=np.float64), np.asarray(local, dtype=np.float64)
-    plane, by_point, by_coefficients = (_perspective if model == PERSPECTIVE else _fisheye)(values[4:], points)
+    plane, by_point, by_coefficients = (_fisheye if model == FISHEYE else _perspective)(values[4:], points)
     focal = values[:2]
     by_lens = np.zeros((len(points), 2, len(values)))
     by_lens[:, 0, 0], by_lens[:, 1, 1] = plane[:, 0], plane[:, 1]
@@ -69,7 +65,7 @@ def rays(model: str, lens: ArrayLike, pixels: ArrayLike) -> Floats:
         directions = np.concatenate([distortion.undistort(plane, values[4:9]), np.ones((len(plane), 1))], axis=1)
         return directions / np.linalg.norm(directions, axis=1, keepdims=True)
     bent = np.linalg.norm(plane, axis=1)
-    angle = _straight_angle(bent, values[4:8])
+    angle = fisheye.straight_angle(bent, values[4:8])
     share = np.sin(angle) / np.maximum(bent, 1e-300)
     share = np.where(bent < 1e-12, 1.0, share)
     return np.concatenate([plane * share[:, None], np.cos(angle)[:, None]], axis=1)
@@ -107,7 +103,7 @@ def _fisheye(coefficients: Floats, points: Floats) -> tuple[Floats, Floats, Floa
     aside = np.maximum(np.hypot(x, y), 1e-9 * np.abs(z))
     square = aside**2 + z**2
     angle = np.arctan2(aside, z)
-    bent, slope = _bent_angle(angle, coefficients)
+    bent, slope = fisheye.bent_angle(angle, coefficients)
     unit = np.stack([x, y], axis=1) / aside[:, None]
     along = np.stack([unit[:, 0] * z, unit[:, 1] * z, -aside], axis=1) / square[:, None]  # d angle / d point
     by_point = (slope[:, None, None] * unit[:, :, None]) * along[:, None, :]
@@ -115,24 +111,3 @@ def _fisheye(coefficients: Floats, points: Floats) -> tuple[Floats, Floats, Floa
     by_point[:, :, :2] += turn
     powers = angle[:, None] ** np.array([3, 5, 7, 9])
     return bent[:, None] * unit, by_point, unit[:, :, None] * powers[:, None, :]
-
-
-def _bent_angle(angle: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
-    """The angle that the lens makes of an angle, and its derivative."""
-    even = angle[:, None] ** np.array([2, 4, 6, 8])
-    return angle * (1.0 + even @ coefficients), 1.0 + even @ (coefficients * np.array([3, 5, 7, 9]))
-
-
-def _straight_angle(bent: Floats, coefficients: Floats) -> Floats:
-    """The inverse by Newton's method; NaN where there is none below 180 degrees."""
-    angle = np.minimum(bent, 1.5)
-    for _ in range(_STEPS):
-        value, slope = _bent_angle(angle, coefficients)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.clip((value - bent) / slope, -0.3, 0.3)
-        angle = angle - step
-        if not np.any(np.abs(step) > _TOLERANCE):
-            break
-    value, slope = _bent_angle(angle, coefficients)
-    fine = (np.abs(value - bent) < 1e-9) & (slope > 0.0) & (angle >= 0.0) & (angle < np.pi)
-    return np.where(fine, angle, np.nan)

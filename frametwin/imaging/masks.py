@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from frametwin.cameras import Camera
+from frametwin.cameras.camera import FISHEYE
 from frametwin.capture.capture import Capture, View
 from frametwin.capture.picture import Picture
 from frametwin.errors import InputError
@@ -145,7 +146,8 @@ def undistort(mask: np.ndarray, camera: Camera) -> np.ndarray:
         return mask
     size = (camera.width, camera.height)
     matrix = camera.K_opencv
-    column, row = cv2.initUndistortRectifyMap(matrix, camera.distortion, np.eye(3), matrix, size, cv2.CV_32FC1)
+    rectify = cv2.fisheye.initUndistortRectifyMap if camera.model == FISHEYE else cv2.initUndistortRectifyMap
+    column, row = rectify(matrix, camera.distortion, np.eye(3), matrix, size, cv2.CV_32FC1)
     return np.asarray(
         cv2.remap(mask, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(0.0,))
     )

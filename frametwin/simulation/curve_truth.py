@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 
 from frametwin.cameras import Camera
-from frametwin.cameras import distortion as lens
 from frametwin.errors import InputError
 from frametwin.files import PathLike, write_bytes
 from frametwin.geometry import bezier
@@ -137,9 +136,7 @@ def pixel_tangents(points: np.ndarray, tangents: np.ndarray, camera: Camera) -> 
         step = step / length
         if camera.has_distortion:
             near = 1e-6
-            step = lens.distort(plane + near * step, camera.distortion) - lens.distort(
-                plane - near * step, camera.distortion
-            )
+            step = camera.distort(plane + near * step) - camera.distort(plane - near * step)
         step = step * (camera.fl_x, camera.fl_y)
         step = step / np.linalg.norm(step, axis=-1, keepdims=True)
     return np.where(fine[..., None], step, 0.0)
@@ -153,7 +150,7 @@ def _inside(points: np.ndarray, pixels: np.ndarray, camera: Camera) -> np.ndarra
         # Far outside, the formula of the lens folds back into the picture; what is there has another origin.
         straight, _ = camera.project(points, distort=False)
         plane = (straight - (camera.cx, camera.cy)) / (camera.fl_x, camera.fl_y)
-        back = lens.undistort((pixels[inside] - (camera.cx, camera.cy)) / (camera.fl_x, camera.fl_y), camera.distortion)
+        back = camera.undistort((pixels[inside] - (camera.cx, camera.cy)) / (camera.fl_x, camera.fl_y))
         inside[inside] = np.linalg.norm(back - plane[inside], axis=-1) < 1e-6
     return inside
 

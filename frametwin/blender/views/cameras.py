@@ -27,6 +27,7 @@ import numpy as np
 from frametwin.blender.scene.placement import Placement, current_depsgraph, label, scene_of
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.cameras import BlenderCamera, Camera, from_blender, to_blender
+from frametwin.cameras.camera import DISTORTION_KEYS, FISHEYE, PERSPECTIVE
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 
@@ -149,7 +150,10 @@ def camera_from_blender(obj: bpy.types.Object, scene: bpy.types.Scene | None = N
         **values,
     )
     pinhole = _with_kept_digits(from_blender(settings, obj.name), obj)
-    return replace(pinhole, distortion=np.array(_numbers(obj, DISTORTION, 5) or [0.0] * 5), source=where)
+    fisheye = len(obj.data.get(DISTORTION) or ()) == len(DISTORTION_KEYS[FISHEYE])
+    model = FISHEYE if fisheye else PERSPECTIVE
+    coefficients = _numbers(obj, DISTORTION, len(DISTORTION_KEYS[model])) or [0.0] * 5
+    return replace(pinhole, distortion=np.array(coefficients), model=model, source=where)
 
 
 def picture_size(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[tuple[int, int], tuple[float, float]]:
