@@ -62,7 +62,7 @@ def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Ver
         doubtful.append("the feet are not where they were planned: where the print stands rests on the cameras alone")
     if float(np.median(views.sigmas[views.used])) > FAR:
         doubtful.append(
-            "most cameras would have to be far from where the rig has them: the pictures may be out of focus"
+            "most cameras would have to be far from where they were calibrated: pictures may be out of focus"
         )
     left = [camera.name for camera, used in zip(cameras, views.used, strict=True) if not used]
     if len(left) * 3 > len(cameras):
