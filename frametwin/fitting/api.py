@@ -19,7 +19,7 @@ from frametwin.fields.base import DeformationField
 from frametwin.fields.store import load_field, save_field
 from frametwin.files import PathLike, staged_directory
 from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, LENS, SHIFT, TURN
-from frametwin.fitting.judgement import verdict
+from frametwin.fitting.judgement import judged_on_photographs, verdict
 from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.photo_fit import ROUNDS, fit_by_turns
 from frametwin.fitting.presets import PRESETS, fitter_of, settings_of
@@ -99,6 +99,10 @@ def fit_capture(
     rounds = ROUNDS if preset == "fast" else 0  # the others cannot start from a twin
     result, seen = fit_by_turns(capture, masks, fit, start, rounds)
     twin = _with_views_unread(result.twin, capture, seen)
+    if any(mask.photo is not None and mask.used for mask in seen) and twin.sigma_across is not None:
+        part = capture.frame.printed
+        judged = judged_on_photographs(twin.verdict, twin.sigma_across[part], capture.frame.radius[part])
+        twin = twin.replace(verdict=judged)
     return result.with_twin(
         timing={"read": read, **twin.timing, "total": perf_counter() - began},
         provenance={**twin.provenance, "inputs": capture.hashes},

@@ -10,7 +10,7 @@ from frametwin.cameras import Camera
 from frametwin.fitting.camera_freedoms import SHIFT, TURN
 from frametwin.fitting.part_fit import PartFit, ViewsFit
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.twin.verdict import Verdict
+from frametwin.twin.verdict import DOUBTFUL, GOOD, Verdict
 
 POOR, HOPELESS = 0.12, 0.35
 """Share of pixels of the typical view that twin and picture disagree on, from which a twin is doubtful, and wrong."""
@@ -20,6 +20,10 @@ LOOSE, LOST = 0.25, 1.0
 
 MANY_UNCERTAIN = 0.3
 """Share of struts that the views do not determine, from which a twin is wrong."""
+
+LOOSE_ON_PHOTOGRAPHS = 0.06
+"""Standard deviation of the typical strut in radii from which a twin of photographs is doubtful: masks that are sound
+leave less, and what is lost by unsound ones shows in it only in part."""
 
 FAR = 4.0
 """Standard deviations of its rig by which a camera may be corrected without a word."""
@@ -59,6 +63,10 @@ def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Ver
         wrong.append(f"the views do not determine {uncertain:.0%} of the struts")
     if views.holds == "cameras":
         doubtful.append("the feet are not where they were planned: where the print stands rests on the cameras alone")
+    if float(np.median(views.sigmas[views.used])) > FAR:
+        doubtful.append(
+            "most cameras would have to be far from where they were calibrated: pictures may be out of focus"
+        )
     left = [camera.name for camera, used in zip(cameras, views.used, strict=True) if not used]
     if len(left) * 3 > len(cameras):
         doubtful.append(f"only {int(views.used.sum())} of {len(cameras)} views agree with each other")
@@ -79,6 +87,17 @@ def torn_ends(part: PartFit) -> list[str]:
     told = [f"strut {e} at its {('start', 'end')[side]} by {gap[e, side]:.1f} mm" for e, side in torn[:TOLD]]
     rest = f", and {len(torn) - TOLD} more" if len(torn) > TOLD else ""
     return [f"torn off their joints: {'; '.join(told)}{rest}"]
+
+
+def judged_on_photographs(judged: Verdict, sigma_across: np.ndarray | None, radius: np.ndarray) -> Verdict:
+    """The verdict on a twin whose masks were found in photographs, given (E,) deviations and radii in mm."""
+    if sigma_across is None or not len(radius) or judged.status != GOOD:
+        return judged
+    loose = float(np.median(sigma_across / radius))
+    if loose <= LOOSE_ON_PHOTOGRAPHS:
+        return judged
+    told = f"the masks leave the typical strut uncertain by {loose:.0%} of its radius: look at them with frametwin mask"
+    return Verdict(DOUBTFUL, (told, *judged.reasons))
 
 
 def moved_cameras(views: ViewsFit, cameras: Sequence[Camera]) -> list[str]:
