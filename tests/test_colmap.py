@@ -24,6 +24,17 @@ def test_colmap_and_back(tmp_path: Path) -> None:
         assert_same(found, wanted)
 
 
+def test_colmap_fisheye_and_back(tmp_path: Path) -> None:
+    """COLMAP's OPENCV_FISHEYE has the four coefficients of OpenCV's, in the same order."""
+    lens = np.array([0.02, -0.004, 0.001, -0.0002])
+    camera = replace(random_camera(3), distortion=lens, model="OPENCV_FISHEYE")
+    write_colmap_text(tmp_path, [camera])
+    fields = (tmp_path / "cameras.txt").read_text().splitlines()[1].split()
+    assert fields[1] == "OPENCV_FISHEYE" and [float(value) for value in fields[8:]] == lens.tolist()
+    (found,) = read_colmap_text(tmp_path)
+    assert found.model == "OPENCV_FISHEYE" and np.array_equal(found.distortion, lens)
+
+
 def test_colmap_poses_of_half_turns(tmp_path: Path) -> None:
     # Rotations by 180 degrees have w = 0 in the quaternion, where a careless conversion divides by zero.
     base = random_camera(0)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from frametwin.cameras.camera import Camera
+from frametwin.cameras.camera import DISTORTION_KEYS, FISHEYE, PERSPECTIVE, Camera
 from frametwin.errors import InputError
 from frametwin.files import read_text, write_text
 
@@ -27,8 +27,8 @@ MODELS = {
     "RADIAL": ("f", "cx", "cy", "k1", "k2"),
     "OPENCV": ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2"),
     "FULL_OPENCV": ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    FISHEYE: ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4"),
 }
-DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
 
 
 def read_colmap_text(folder: str | Path) -> list[Camera]:
@@ -65,7 +65,7 @@ def read_colmap_text(folder: str | Path) -> list[Camera]:
         pose = _numbers(where, "pose", fields[1:8])
         if fields[8] not in intrinsics:
             raise InputError.at(where, "CAMERA_ID", f"{fields[8]} is not in cameras.txt", "add it there")
-        width, height, values = intrinsics[fields[8]]
+        model, width, height, values = intrinsics[fields[8]]
         cameras.append(
             Camera(
                 name=fields[9],
@@ -76,7 +76,8 @@ def read_colmap_text(folder: str | Path) -> list[Camera]:
                 cx=values["cx"],
                 cy=values["cy"],
                 camera_to_world=_camera_to_world(where, pose),
-                distortion=np.array([values.get(key, 0.0) for key in DISTORTION_KEYS]),
+                distortion=np.array([values.get(key, 0.0) for key in DISTORTION_KEYS[model]]),
+                model=model,
                 source=where,
             )
         )
@@ -91,7 +92,7 @@ def write_colmap_text(folder: str | Path, cameras: Sequence[Camera]) -> None:
     folder
         Where to; made when absent.
     cameras
-        One picture each, under the camera's name. The model is PINHOLE, OPENCV or FULL_OPENCV, the
+        One picture each, under the camera's name. The model is PINHOLE, OPENCV, FULL_OPENCV or OPENCV_FISHEYE, the
         simplest that holds the distortion. Numbers are written in full, so reading gives the same camera.
 
     Raises
@@ -123,7 +124,7 @@ def write_colmap_text(folder: str | Path, cameras: Sequence[Camera]) -> None:
     write_text(folder / "points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n")
 
 
-def _read_intrinsics(path: Path) -> dict[str, tuple[float, float, dict[str, float]]]:
+def _read_intrinsics(path: Path) -> dict[str, tuple[str, float, float, dict[str, float]]]:
     intrinsics = {}
     for number, line in _lines(path):
         if not line:
@@ -142,9 +143,10 @@ def _read_intrinsics(path: Path) -> dict[str, tuple[float, float, dict[str, floa
             )
         width, height, *values = _numbers(where, "PARAMS", fields[2:])
         named = dict(zip(keys, values, strict=True))
-        if any(named.get(key, 0.0) != 0.0 for key in ("k4", "k5", "k6")):
+        lens = FISHEYE if model == FISHEYE else PERSPECTIVE
+        if lens == PERSPECTIVE and any(named.get(key, 0.0) != 0.0 for key in ("k4", "k5", "k6")):
             raise InputError.at(where, "k4 k5 k6", "rational distortion is not supported", "calibrate with OPENCV")
-        intrinsics[fields[0]] = (width, height, named)
+        intrinsics[fields[0]] = (lens, width, height, named)
     return intrinsics
 
 
@@ -199,6 +201,8 @@ def _parameters(camera: Camera) -> tuple[str, list[float]]:
     values = [camera.fl_x, camera.fl_y, camera.cx, camera.cy]
     if not camera.has_distortion:
         return "PINHOLE", values
+    if camera.model == FISHEYE:
+        return FISHEYE, [*values, *camera.distortion]
     k1, k2, p1, p2, k3 = camera.distortion
     if k3 == 0.0:
         return "OPENCV", [*values, k1, k2, p1, p2]

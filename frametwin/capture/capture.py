@@ -27,6 +27,9 @@ from frametwin.files import PathLike, decode_text, parse_json, read_bytes, stage
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 
+SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
+"""Of pictures whose names leave them out."""
+
 _OWN_FILES = ("frame.json", "transforms.json", "truth.json", "images", "background")
 _SAFE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
@@ -149,8 +152,9 @@ def _read_views(root: Path, data: dict[str, Any], path: Path) -> list[View]:
             )
         taken[key] = i
         name = stems[i] if stems.count(stems[i]) == 1 else str(entry["file_path"])
-        camera = read_camera(entry, shared, name, path, i)
-        image = _picture(file, camera, path, f"frames[{i}]")
+        image = Picture.read(file)
+        camera = read_camera(entry, shared, name, path, i, image.size)
+        _check_size(image, camera, path, f"frames[{i}]")
         views.append(View(camera=camera, image=image, background=_background(root, file, camera, path, i)))
     return views
 
@@ -161,23 +165,34 @@ def _image_file(root: Path, name: Any, path: Path, field: str) -> Path:
     if not isinstance(name, str):
         raise InputError.at(path, field, f"{name!r} is not a text", "name the picture of the view")
     image = path_inside(root, name, path, field)
-    if not image.is_file():
+    if image.is_file():
+        return image
+    # NeRF-synthetic and several exporters leave the suffix out.
+    found = [other for other in (image.with_name(image.name + suffix) for suffix in SUFFIXES) if other.is_file()]
+    if len(found) > 1:
+        names = " and ".join(other.name for other in found)
+        raise InputError.at(path, field, f"{name!r} may be {names}", "write the picture's name with its suffix")
+    if not found:
         raise InputError.at(path, field, f"the picture {name!r} is missing", "put it there, or correct the name")
-    return image
+    return path_inside(root, found[0].relative_to(root).as_posix(), path, field)
 
 
 def _picture(file: Path, camera: Camera, path: Path, field: str) -> Picture:
     """Read the picture of a camera, which stands in ``field`` of the file ``path``."""
     picture = Picture.read(file)
+    _check_size(picture, camera, path, field)
+    return picture
+
+
+def _check_size(picture: Picture, camera: Camera, path: Path, field: str) -> None:
     width, height = picture.size
     if (width, height) != (camera.width, camera.height):
         raise InputError.at(
-            file,
+            picture.path,
             "size",
             f"is {width} x {height} pixels, {field} of {path.name} says {camera.width} x {camera.height}",
             "give the picture as it was taken, or calibrate again",
         )
-    return picture
 
 
 def _background(root: Path, image: Path, camera: Camera, path: Path, i: int) -> Picture | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Sequence
 
@@ -15,6 +16,9 @@ from frametwin.geometry.wireframe import Wireframe
 
 NEAREST_SHARE = 0.02
 """A camera keeps this share of the frame's extent from every strut (and three radii)."""
+
+FAIR_SIZE = 0.05
+"""Share of a picture that a frame covers where its cameras are no more than far away."""
 
 _SAMPLES = 9  # points on each strut
 
@@ -34,6 +38,33 @@ def check_views(frame: Wireframe, cameras: Sequence[Camera], path: str | os.Path
     InputError
         With the number of the view.
     """
+    try:
+        _check_views(frame, cameras, path)
+    except InputError:
+        if _in_metres(frame, cameras, path):
+            problem = "the cameras stand as if their positions were in metres"
+            remedy = 'write "unit": "m" at the top of the file, or give them in mm'
+            raise InputError.at(path, "unit", problem, remedy) from None
+        raise
+
+
+def _in_metres(frame: Wireframe, cameras: Sequence[Camera], path: str | os.PathLike[str]) -> bool:
+    """Whether every camera would see the frame at a fair size, were its position a thousand times as far."""
+    try:
+        moved = []
+        for camera in cameras:
+            pose = np.array(camera.camera_to_world)
+            pose[:3, 3] *= 1000.0
+            moved.append(dataclasses.replace(camera, camera_to_world=pose))
+        _check_views(frame, moved, path)
+    except InputError:
+        return False
+    points = frame.control_points.reshape(-1, 3)
+    sizes = [np.ptp(camera.project(points, distort=False)[0], axis=0).max() / camera.width for camera in moved]
+    return bool(min(sizes) > FAIR_SIZE)
+
+
+def _check_views(frame: Wireframe, cameras: Sequence[Camera], path: str | os.PathLike[str]) -> None:
     printed, _, _ = frame.printed_part()
     points = bezier.evaluate(printed.control_points, np.linspace(0.0, 1.0, _SAMPLES)).reshape(-1, 3)
     low, high = printed.bounds

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from frametwin.arrays import is_plain_text
 from frametwin.errors import InputError
+
+LONGEST, LONGEST_PART = 4000, 255
+"""Bytes of a path, and of a name in it, that file systems take."""
 
 
 def path_inside(root: Path, name: str, file: Path, field: str) -> Path:
@@ -19,6 +23,8 @@ def path_inside(root: Path, name: str, file: Path, field: str) -> Path:
     remedy = "put the file into the capture and write its path relative to the folder, with forward slashes"
     if not is_plain_text(name):
         raise InputError.at(file, field, f"{name!r} is not a file name", remedy)
+    if len(os.fsencode(name)) > LONGEST or any(len(os.fsencode(part)) > LONGEST_PART for part in name.split("/")):
+        raise InputError.at(file, field, f"the file name {name[:40]!r}... is too long", remedy)
     if "\\" in name:
         raise InputError.at(file, field, f"{name!r} is not written with forward slashes", remedy)
     windows = PureWindowsPath(name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -14,6 +16,11 @@ from frametwin.files import PathLike, check_format, read_json
 
 FORMAT = "frametwin-capture"
 VERSION = 1
+
+APPLIED = ("applied_transform", "applied_scale")
+"""What nerfstudio's converters did to the poses that they were given: turned their axes, scaled their positions."""
+
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
 def read_cameras(path: PathLike) -> tuple[Camera, ...]:
@@ -51,8 +58,28 @@ def entries_of(data: dict[str, Any], path: Path) -> tuple[list[dict[str, Any]], 
     return entries, shared
 
 
-def read_camera(entry: dict[str, Any], shared: dict[str, Any], name: str, path: Path, i: int) -> Camera:
+def read_camera(
+    entry: dict[str, Any],
+    shared: dict[str, Any],
+    name: str,
+    path: Path,
+    i: int,
+    size: tuple[int, int] | None = None,
+) -> Camera:
     """The camera of view ``i`` of the file ``path``, from its entry and what all views share.
+
+    What converters have applied to the poses is undone, and a ``unit`` of the file is converted to mm.
+
+    Parameters
+    ----------
+    entry, shared
+        See `entries_of`.
+    name
+        The camera's.
+    path, i
+        Where it stands.
+    size
+        Width and height in pixels of its picture, for files that leave it to the picture.
 
     Raises
     ------
@@ -75,4 +102,35 @@ def read_camera(entry: dict[str, Any], shared: dict[str, Any], name: str, path: 
         )
     if np.abs(matrix[:3, :3].T @ matrix[:3, :3] - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix[:3, :3]) < 0.0:
         raise InputError.at(path, field, "is not a rigid pose", "remove shear and mirroring from its rotation")
-    return from_nerfstudio(entry, shared=shared, name=name, source=f"{path}: frames[{i}]")
+    source = f"{path}: frames[{i}]"
+    camera = from_nerfstudio(entry, shared=shared, name=name, size=size, source=source)
+    turn, scale = _applied(shared, path)
+    if turn is None and scale == 1.0:
+        return camera
+    pose = np.array(camera.camera_to_world)
+    pose[:3, 3] *= scale
+    return replace(camera, camera_to_world=pose if turn is None else turn @ pose)
+
+
+def _applied(shared: Mapping[str, Any], path: Path) -> tuple[np.ndarray | None, float]:
+    """The motion (4, 4) and the factor of positions that take the poses of a file back to where they were, in mm."""
+    unit = shared.get("unit", "mm")
+    if not isinstance(unit, str) or unit not in MILLIMETRES:
+        raise InputError.at(path, "unit", f"{unit!r} is not known", "write 'mm', 'cm', 'm' or 'in'")
+    millimetres, turn = MILLIMETRES[unit], None
+    applied = shared.get("applied_scale", 1.0)
+    scale = float(checked_array(applied, "f", (), str(path), "applied_scale"))
+    if not 1e-9 <= scale <= 1e9:
+        raise InputError.at(path, "applied_scale", f"is {scale:g}", "give the factor that positions were multiplied by")
+    if shared.get("applied_transform") is not None:
+        field, rows = "applied_transform", shared["applied_transform"]
+        if isinstance(rows, list) and len(rows) == 4:
+            rows = checked_array(rows, "f", (4, 4), str(path), field)[:3].tolist()
+        motion = np.vstack([checked_array(rows, "f", (3, 4), str(path), field), [0.0, 0.0, 0.0, 1.0]])
+        rotation = motion[:3, :3]
+        if np.abs(rotation.T @ rotation - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
+            problem, remedy = "is not a rigid motion", "give the rotation and shift that the converter applied"
+            raise InputError.at(path, field, problem, remedy)
+        motion[:3, 3] *= millimetres
+        turn = np.linalg.inv(motion)
+    return turn, millimetres / scale
