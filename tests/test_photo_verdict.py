@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from frametwin.capture.capture import read_capture
+from frametwin.fitting import api
 from frametwin.fitting.judgement import judged_on_photographs
 from frametwin.twin.verdict import Verdict
+
+PHOTOGRAPHS = Path(__file__).resolve().parents[2] / "shared" / "photographs"
+needs_photographs = pytest.mark.skipif(not PHOTOGRAPHS.is_dir(), reason="needs photographs beside the project")
 
 
 @pytest.mark.parametrize(("share", "status"), [(0.03, "good"), (0.1, "doubtful")])
@@ -19,3 +27,21 @@ def test_a_twin_of_loose_masks_is_doubtful(share: float, status: str) -> None:
 def test_a_graver_verdict_stays() -> None:
     wrong = Verdict("wrong", ("nothing agrees",))
     assert judged_on_photographs(wrong, np.ones(2), np.ones(2)) is wrong
+
+
+@needs_photographs
+def test_what_a_fit_of_photographs_tells_reaches_its_twin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A view that shows nothing is named, and no strut is called surer than masks of photographs are."""
+    monkeypatch.setattr(api, "ROUNDS", 0)
+    folder = tmp_path / "capture"
+    shutil.copytree(PHOTOGRAPHS / "matte", folder)
+    hidden = sorted((folder / "images").iterdir())[2]
+    shutil.copyfile(folder / "background" / hidden.name, hidden)
+    capture = read_capture(folder)
+    twin = api.fit_capture(capture).twin
+    unused = [view["name"] for view in twin.views if not view["used"]]
+    assert unused == [capture.views[2].camera.name]
+    assert any(unused[0] in reason for reason in twin.verdict.reasons)
+    nearest = max(view.camera.fl_x / np.linalg.norm(view.camera.centre) for view in capture.views)
+    assert twin.sigma_across is not None and twin.sigma_across.min() > 0.5 * api.OUTLINE_OF_MASKS / nearest
+    assert set(twin.provenance["inputs"]) == set(capture.hashes)
