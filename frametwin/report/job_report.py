@@ -65,7 +65,8 @@ def _nothing(design: Wireframe) -> dict[str, Any]:
     away = np.full(design.strut_count, np.nan)
     nothing = design.replace(printed=np.zeros(design.strut_count, dtype=bool))
     scene = Scene("planned", nothing, design.control_points, {"displacement": away})
-    return {**scene.content(with_plan=False), "note": "No batch has been answered yet: this is the design.", "worst": []}
+    note = "No batch has been answered yet: this is the design."
+    return {**scene.content(with_plan=False), "note": note, "worst": []}
 
 
 def _batch(job: PrintJob, batch: int, count: int) -> dict[str, Any]:
@@ -140,5 +141,3 @@ def _deviation(job: PrintJob, batch: int) -> float | None:
         return None
     away = displacement(job.design.control_points, standing.control_points)
     return float(away[standing.printed].mean())
-
-
