@@ -78,7 +78,7 @@ def _content(
         return run_content(source, capture, truth, progress)
     for name, given in (("--capture", capture), ("--truth", truth)):
         if given is not None:
-            raise InputError.at(name, str(given), "belongs to a run", f"leave it out: jobs and datasets have theirs")
+            raise InputError.at(name, str(given), "belongs to a run", "leave it out: jobs and datasets have theirs")
     if (source / "job.json").is_file():
         from frametwin.report.job_report import job_content
 
