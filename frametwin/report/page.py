@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import html
-import json
 from importlib import resources
 from typing import Any
 
 from frametwin import __version__
+from frametwin.script_json import script_json
 
 TEMPLATE, STYLE, LIBRARY, LICENCE = "report.html", "report.css", "three.min.js", "three.LICENSE.txt"
 SCRIPTS = ("data.js", "charts.js", "model.js", "photographs.js", "report.js")
@@ -36,14 +36,6 @@ def page(content: dict[str, Any]) -> str:
         before, after = pieces[place].split(mark, 1)
         pieces[place : place + 1] = [before, text, after]
     return "".join(pieces)
-
-
-def script_json(value: Any) -> str:
-    """JSON that may stand in a script: nothing in it can end the script or begin a comment."""
-    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    for char in ("<", ">", "&", "\u2028", "\u2029"):
-        text = text.replace(char, f"\\u{ord(char):04x}")
-    return text
 
 
 def _script(text: str) -> str:
