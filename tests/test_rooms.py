@@ -40,6 +40,7 @@ ROOMS = (
     "blender.display",
     "blender.views",
     "dataset",
+    "report",
     "service",
     "api",
     "addon",

@@ -20,6 +20,7 @@ COMMANDS = (
     "mask",
     "fit",
     "evaluate",
+    "report",
     "print",
     "dataset",
     "convert",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import os
 import shutil
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from frametwin.errors import Cancelled, InputError
 from frametwin.files import PathLike, file_hash, read_json, staged_directory, write_json, write_text
 from frametwin.imaging.overlay import PLAN, PRINT, TRUTH, TWIN, Colour
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.script_json import script_json
 from frametwin.twin.twin import FILE_NAME as TWIN_FILE
 
 PAGE = "index.html"
@@ -123,7 +123,7 @@ def _sample_row(entry: SampleEntry, dataset: Path, pictures: Path) -> dict[str, 
     with staged_directory(place, overwrite=True) as stage:
         for i, picture in enumerate(view.pictures):
             (stage / PICTURE.format(i)).write_bytes(picture)
-        write_text(stage / DATA_FILE, f"frametwin({_script_json(view.detail)});\n")
+        write_text(stage / DATA_FILE, f"frametwin({script_json(view.detail)});\n")
         write_json(stage / ROW_FILE, {"key": key, "row": view.row})
     return view.row
 
@@ -160,17 +160,9 @@ def _page(dataset: Dataset, page: Path, pictures: Path, rows: list[dict[str, Any
     for mark, value in (
         ("/*COLOURS*/", colours),
         ("<!--TITLE-->", html.escape(dataset.name)),
-        ("/*DATA*/", _script_json(data)),
+        ("/*DATA*/", script_json(data)),
     ):
         text = text.replace(mark, value, 1)
-    return text
-
-
-def _script_json(value: Any) -> str:
-    """JSON that may stand in a script: nothing in it can end the script or begin a comment."""
-    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    for char in ("<", ">", "&", "\u2028", "\u2029"):
-        text = text.replace(char, f"\\u{ord(char):04x}")
     return text
 
 

@@ -1,0 +1,178 @@
+/* The page: what is shown of which scene, and what happens at a click. */
+let current = DATA.scenes.length - 1, quantity = "displacement", chosenStrut = null, model = null;
+if (DATA.kind === "dataset") current = 0;
+const scene = () => DATA.scenes[current];
+const WORDS = { good: "✓ good", doubtful: "! doubtful", wrong: "✕ wrong" };
+
+function header() {
+  $("title").textContent = DATA.title;
+  for (const [name, value] of Object.entries(DATA.facts)) if (value !== null) $("facts").append(make("div", {}, make("dt", {}, name), make("dd", {}, String(value))));
+  const about = { run: "run", job: "print job", dataset: "dataset" }[DATA.kind];
+  const licence = make("details", {}, make("summary", {}, "Drawn in 3D by three.js, MIT licence"), make("pre", {}, $("licence").textContent));
+  $("footer").append(`Report of a ${about}, FrameTwin ${DATA.version}. Lengths are in mm. `, licence);
+}
+
+function verdict() {
+  const { verdict: given, note, errors, seconds } = scene();
+  $("verdict").hidden = !given;
+  if (given) { $("verdict").className = `verdict ${given.status}`; $("verdict").textContent = `Verdict: ${WORDS[given.status]}`; }
+  const items = [...(given ? given.reasons : []), ...(note ? [note] : [])];
+  if (errors) items.push(`Against the truth: curves ${figure(errors.curves.mean)} mm mean, ${figure(errors.curves.max)} mm at most; joints ${figure(errors.joints.mean)} and ${figure(errors.joints.max)} mm.`);
+  if (seconds) items.push(`The twin took ${figure(seconds)} s.`);
+  $("reasons").hidden = !items.length;
+  $("reasons").replaceChildren(make("ul", {}, ...items.map((text) => make("li", {}, text))));
+}
+
+function moments() {
+  if (DATA.scenes.length < 2) return;
+  $("moments").hidden = false;
+  const slider = make("input", { type: "range", min: 0, max: DATA.scenes.length - 1, value: current, "aria-label": DATA.kind === "job" ? "Batch" : "Sample", oninput: () => go(+slider.value) });
+  const play = make("button", { type: "button", onclick: () => {
+    if (play.timer) { clearInterval(play.timer); play.timer = null; play.textContent = "▶ Play"; return; }
+    if (current === DATA.scenes.length - 1) go(0);
+    play.textContent = "⏸ Pause";
+    play.timer = setInterval(() => { if (current < DATA.scenes.length - 1) go(current + 1); else play.click(); }, 900);
+  } }, "▶ Play");
+  const name = make("strong");
+  $("moments").append(play, slider, name, make("output"));
+  $("moments").told = () => {
+    slider.value = current; name.textContent = scene().label;
+    const batch = DATA.batches?.[current], parts = [];
+    if (batch) {
+      parts.push(`${batch.standing ?? "–"} struts stand, ${batch.laid ?? "–"} laid in this batch, ${batch.lost} lost`, `E_max ${figure(batch.e_max, "mm")}`);
+      if (batch.collapsed) parts.push("the print has collapsed");
+      if (batch.accepted.length) parts.push(`accepted: ${batch.accepted.join(", ")}`);
+    }
+    $("moments").querySelector("output").textContent = parts.join(" · ");
+  };
+}
+
+function go(k) { current = k; chosenStrut = null; all(); }
+
+function legend() {
+  const [low, high] = rangeOf(quantity), { name, unit, factor = 1, good } = QUANTITIES[quantity];
+  const stops = Array.from({ length: 13 }, (_, k) => css(ramp(good ? 1 - k / 12 : k / 12))).join(",");
+  const marks = [0, 0.25, 0.5, 0.75, 1].map((share) => +((low + share * (high - low)) * factor).toPrecision(3) + (share === 1 && !good ? "+" : ""));
+  const keys = [];
+  const key = (colour, text) => keys.push(make("span", { class: "key" }, make("i", { style: `background:${colour}` }), text));
+  const { marked, truth } = opened(scene());
+  if (marked.missing?.size) key(css(MISSING), `missing (${marked.missing.size})`);
+  if (marked.lost?.size) key(css(MISSING), `lost (${marked.lost.size})`);
+  key("var(--ghost)", DATA.kind === "job" ? "design" : "plan");
+  if (truth) key(OUTLINE.truth, "truth");
+  $("legend").replaceChildren(make("div", { class: "scale" }, make("div", {}, `${name}${unit ? ` in ${unit}` : ""}`), make("div", { class: "strip", style: `background:linear-gradient(90deg,${stops})` }), make("div", { class: "ticks" }, ...marks.map((mark) => make("span", {}, String(mark))))), ...keys);
+  $("truthbox").hidden = !truth;
+}
+
+function strutCard() {
+  const own = scene(), i = opened(own).place.get(chosenStrut), box = $("strut");
+  if (i === undefined) { box.replaceChildren(make("h2", {}, "Strut"), make("p", { class: "faint" }, "Click a strut, in 3D or in a list, for its numbers.")); return; }
+  const { plan, curves, marked } = opened(own), o = 12 * i, ends = [0, 9].map((k) => [...curves.slice(o + k, o + k + 3)].map((value) => value.toFixed(2)).join(", "));
+  const rows = Object.entries(QUANTITIES).filter(([name]) => own.quantities[name]).map(([name, { name: words }]) => [words, told(name, own.quantities[name][i])]);
+  rows.push(["radius of the plan", figure(plan.radius[chosenStrut], "mm")], ["joints", `${plan.edges[2 * chosenStrut]} and ${plan.edges[2 * chosenStrut + 1]}`], ["starts at", ends[0]], ["ends at", ends[1]]);
+  const says = Object.keys(marked).filter((name) => marked[name].has(chosenStrut));
+  box.replaceChildren(make("h2", {}, `Strut ${chosenStrut} `, make("small", {}, says.join(", "))), make("table", {}, make("tbody", {}, ...rows.map(([name, value]) => make("tr", {}, make("td", {}, name), make("td", {}, value))))));
+}
+
+function histogramCard() {
+  const values = (scene().quantities[quantity] || []).filter((value) => value !== null).sort((a, b) => a - b);
+  const { name } = QUANTITIES[quantity];
+  if (!values.length) { $("histogram").replaceChildren(make("h2", {}, "Histogram"), make("p", { class: "faint" }, "Nothing is printed.")); return; }
+  const mean = values.reduce((sum, value) => sum + value, 0) / values.length;
+  const text = `mean ${told(quantity, mean)}, median ${told(quantity, values[values.length >> 1])}, largest ${told(quantity, values[values.length - 1])}`;
+  $("histogram").replaceChildren(make("h2", {}, "Struts by ", name), histogram(values, quantity), make("p", { class: "hint" }, text));
+}
+
+function charts() {
+  const cards = [], batches = DATA.batches || [];
+  const add = (title, svg, keys) => svg && cards.push(chartCard(title, svg, keys));
+  if (batches.length) {
+    const by = (name) => batches.map((batch) => batch[name] ?? NaN);
+    const off = [{ name: "E_max, the largest", values: by("e_max"), colour: "var(--second)" }, { name: "mean over the struts", values: by("deviation"), colour: "var(--bar)" }];
+    add("Distance from the design by batch, mm", lines("Distance from the design by batch", "batch", off, { current }), off);
+    const time = [{ name: "twin and plan", values: by("twin_seconds"), colour: "var(--second)" }, { name: "printing", values: by("printing_seconds"), colour: "var(--bar)" }].filter((one) => one.values.some(Number.isFinite));
+    if (time.length) add("Time by batch, s", lines("Time by batch", "batch", time, { current, log: time.length > 1 }), time);
+  }
+  if (scene().loss?.length > 1) add("Convergence: image loss by step", lines("Image loss by step", "step", [{ name: "loss", values: scene().loss, colour: "var(--bar)" }], { log: true, from: 1 }));
+  $("charts").replaceChildren(...cards);
+}
+
+const strutButton = (strut) => make("button", { type: "button", onclick: () => choose(strut, true) }, `strut ${strut}`);
+function worst() {
+  const own = scene(), { place } = opened(own);
+  $("worst").hidden = !own.worst.length;
+  if (!own.worst.length) return;
+  const names = Object.keys(QUANTITIES).filter((name) => own.quantities[name]);
+  const head = make("tr", {}, make("th", {}, ""), ...names.map((name) => make("th", {}, QUANTITIES[name].name)));
+  const rows = own.worst.map((strut) => make("tr", { "data-strut": strut }, make("td", {}, strutButton(strut)), ...names.map((name) => make("td", {}, told(name, own.quantities[name][place.get(strut)])))));
+  const by = own.quantities.error ? "by error" : DATA.kind === "job" ? "by distance from the design" : "by displacement";
+  const parts = [make("h2", {}, "Worst struts ", make("small", {}, by)), make("div", { class: "wide" }, make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows)))];
+  if (own.crops) {
+    const blocks = Object.entries(own.crops).filter(([, crops]) => crops.length).sort((a, b) => own.worst.indexOf(+a[0]) - own.worst.indexOf(+b[0]));
+    parts.push(make("div", { class: "crops" }, ...blocks.map(([strut, crops]) => make("div", { class: "crop" }, make("h3", {}, strutButton(+strut)), make("div", {}, ...crops.map((crop) => make("figure", {}, shot(crop, own, { only: +strut, label: `Strut ${strut} in ${own.views[crop.view].name}`, onclick: () => choose(+strut, true) }), make("figcaption", {}, own.views[crop.view].name))))))));
+  }
+  $("worst").replaceChildren(...parts);
+}
+
+function photographs() {
+  const own = scene(), pictured = (own.views || []).filter((view) => view.picture);
+  $("photographs").hidden = !(own.views || []).length;
+  if (!(own.views || []).length) return;
+  const share = (value) => (typeof value === "number" ? `${(100 * value).toFixed(1)} %` : "–");
+  const caption = (view) => make("figcaption", {}, make("b", {}, view.name), " ", view.used === false ? make("span", { class: "wrong" }, "left out") : "", view.unexplained === undefined ? "" : ` ${share(view.unexplained)} of the print unexplained, ${share(view.unseen)} of the twin unseen`);
+  if (!pictured.length) {
+    const rows = own.views.map((view) => make("tr", {}, make("td", {}, view.name), make("td", {}, view.used === false ? "left out" : "used"), make("td", {}, share(view.unexplained)), make("td", {}, share(view.unseen))));
+    const hint = DATA.kind === "run" ? make("p", { class: "hint" }, "Give the report the capture of the run (--capture) to see its pictures.") : "";
+    $("photographs").replaceChildren(make("h2", {}, "Views"), make("table", {}, make("thead", {}, make("tr", {}, ...["view", "", "print unexplained", "twin unseen"].map((text) => make("th", {}, text)))), make("tbody", {}, ...rows)), hint);
+    return;
+  }
+  const names = ["twin", "plan", ...(opened(own).truth ? ["truth"] : [])];
+  const boxes = names.map((name) => { const box = make("input", { type: "checkbox", onchange: () => { LAYERS[name] = box.checked; redrawShots(); } }); box.checked = LAYERS[name]; return make("label", {}, box, make("span", { class: "key" }, make("i", { style: `background:${OUTLINE[name]}` }), `outline of the ${name}`)); });
+  $("photographs").replaceChildren(make("h2", {}, "Views ", make("small", {}, "without lens distortion; a click enlarges")), make("div", { class: "tools" }, ...boxes), make("div", { class: "shots" }, ...pictured.map((view) => make("figure", {}, shot(view, own, { label: `${view.name}; enlarge or reduce` }), caption(view)))));
+}
+
+function cameras() {
+  const given = (scene().cameras || []).filter((camera) => typeof camera.sigmas === "number");
+  $("cameras").hidden = !given.length;
+  if (!given.length) return;
+  const size = (values) => (Array.isArray(values) ? Math.hypot(...values) : NaN);
+  const rows = given.map((camera) => make("tr", {}, make("td", {}, String(camera.name)), make("td", {}, figure(size(camera.shift_mm), "mm")), make("td", {}, `${size(camera.turn_deg).toFixed(3)}°`), make("td", {}, `${(100 * (camera.focal_share || 0)).toFixed(2)} %`), make("td", {}, camera.sigmas.toFixed(1))));
+  $("cameras").replaceChildren(make("h2", {}, "Corrections of the cameras"), make("div", { class: "wide" }, make("table", {}, make("thead", {}, make("tr", {}, ...["camera", "moved", "turned", "focal length", "standard deviations"].map((text) => make("th", {}, text)))), make("tbody", {}, ...rows))));
+}
+
+function samples() {
+  if (!DATA.samples) return;
+  $("samples").hidden = false;
+  const rows = DATA.samples.map((row) => make("tr", {}, make("td", {}, row.scene === null ? `sample ${row.index}` : make("button", { type: "button", onclick: () => { go(row.scene); scrollTo({ top: 0, behavior: "smooth" }); } }, `sample ${row.index}`)), make("td", {}, row.frame ?? "–"), make("td", { class: row.verdict ?? "" }, row.problem ?? row.verdict), make("td", {}, figure(row.curves_mean)), make("td", {}, figure(row.curves_max)), make("td", {}, row.overlooked ?? "–"), make("td", {}, row.false ?? "–")));
+  $("samples").replaceChildren(make("h2", {}, "Samples ", make("small", {}, "errors between the curves in mm; those with the largest can be opened")), make("div", { class: "wide" }, make("table", {}, make("thead", {}, make("tr", {}, ...["", "frame", "verdict", "mean", "largest", "missing overlooked", "missing in error"].map((text) => make("th", {}, text)))), make("tbody", {}, ...rows))));
+}
+
+function choose(strut, scroll) {
+  chosenStrut = strut;
+  strutCard(); redrawShots(); model?.choose(strut);
+  for (const row of document.querySelectorAll("tr[data-strut]")) row.classList.toggle("current", +row.dataset.strut === strut);
+  if (scroll) $("stage").scrollIntoView({ block: "nearest", behavior: "smooth" });
+}
+
+function options() {
+  const there = COLOURED.filter((name) => DATA.scenes.some((one) => (one.quantities[name] || []).some((value) => value !== null)));
+  const list = there.length ? there : ["displacement"];
+  if (list.includes("error") && DATA.kind !== "job") quantity = "error";
+  $("quantity").append(...list.map((name) => make("option", { value: name, selected: name === quantity }, QUANTITIES[name].name)));
+  $("quantity").addEventListener("change", () => { quantity = $("quantity").value; model?.recolour(quantity); legend(); histogramCard(); });
+  $("ghost").addEventListener("change", () => { if (model) { model.ghost.visible = $("ghost").checked; model.draw(); } });
+  $("truth").addEventListener("change", () => { if (model?.truth) { model.truth.visible = $("truth").checked; model.draw(); } });
+  $("enlarge").addEventListener("change", () => { if (model) { model.enlarge = +$("enlarge").value; model.show(scene(), quantity, chosenStrut); } });
+  $("home").addEventListener("click", () => model?.home());
+  DARK.addEventListener("change", () => model?.show(scene(), quantity, chosenStrut));
+}
+
+function all() {
+  SHOTS.length = 0;
+  verdict(); $("moments").told?.(); legend(); strutCard(); histogramCard(); charts(); worst(); photographs(); cameras();
+  model?.show(scene(), quantity, chosenStrut);
+}
+
+header(); options(); moments();
+try { model = new Model($("stage"), (strut) => choose(strut, false)); } catch (error) { $("nogl").hidden = false; }
+samples(); all();

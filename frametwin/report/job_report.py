@@ -1,0 +1,143 @@
+"""The report of a print job, also while it runs: what has been answered is complete on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frametwin.capture.capture import read_capture
+from frametwin.files import read_json
+from frametwin.formats import frame_json
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.job import job_files as files
+from frametwin.printing.job.job import PrintJob
+from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.report.scene import Scene, displacement, plan_content
+from frametwin.report.twin_content import add_pictures, errors_of, twin_content
+from frametwin.twin.runs import Truth, load_run
+
+WIDTH, LAST_WIDTH = 420, 900
+"""Of a view in pixels at the most: of the batches before, and of the last one."""
+
+PICTURED = 40
+"""Batches of which pictures are shown, the last ones, so that the page stays small."""
+
+TRUTH, OUTCOME = "truth.json", "outcome.json"
+"""What a simulated print leaves beside a batch."""
+
+
+def job_content(folder: Path, progress: ProgressCallback | None = None) -> dict[str, Any]:
+    """What the page of a print job shows.
+
+    Raises
+    ------
+    InputError
+        If it is no job, or damaged.
+    Cancelled
+        If ``progress`` returns ``False``.
+    """
+    job = PrintJob(folder)
+    count = job.answered
+    scenes = []
+    for batch in range(count):
+        scenes.append(_batch(job, batch, count))
+        report(progress, Progress("reading batches", batch + 1, count))
+    states = job.states()
+    return {
+        "kind": "job",
+        "title": job.design.name,
+        "facts": {
+            "struts": job.design.strut_count,
+            "batches": len(states),
+            "answered": count,
+            "adaptation": "on" if job.settings.adapt else "off",
+        },
+        "plan": plan_content(job.design),
+        "batches": [_figures(job, batch) for batch in range(count)],
+        "scenes": scenes or [_nothing(job.design)],
+    }
+
+
+def _nothing(design: Wireframe) -> dict[str, Any]:
+    """The design alone, before anything has been printed."""
+    away = np.full(design.strut_count, np.nan)
+    nothing = design.replace(printed=np.zeros(design.strut_count, dtype=bool))
+    scene = Scene("planned", nothing, design.control_points, {"displacement": away})
+    note = "No batch has been answered yet: this is the design."
+    return {**scene.content(with_plan=False), "note": note, "worst": []}
+
+
+def _batch(job: PrintJob, batch: int, count: int) -> dict[str, Any]:
+    """A batch that has been answered: its twin if there is one, else the plan it went on with."""
+    folder, label = job.batch_folder(batch), f"batch {batch}"
+    if not (folder / files.RUN / "twin.json").is_file():
+        standing = job.adapted(batch)
+        design = job.design.replace(printed=standing.printed)
+        away = displacement(design.control_points, standing.control_points)
+        scene = Scene(label, design, standing.control_points, {"displacement": away}, _lost(job, batch))
+        note = "No twin was made of this batch: the struts are shown where they were laid."
+        return {**scene.content(with_plan=False), "note": note, "worst": []}
+    twin, plan = load_run(folder / files.RUN)
+    design = job.design.replace(printed=plan.printed)
+    truth = _truth(folder, plan)
+    errors = errors_of(twin, truth)
+    scene = Scene.of_twin(label, design, twin, errors)
+    scene = Scene(label, design, scene.curves, scene.quantities, {**scene.marks, **_lost(job, batch)})
+    told = twin_content(scene, twin, errors, None if truth is None else truth.frame, with_plan=False)
+    last = batch == count - 1
+    if batch >= count - PICTURED and (folder / files.CAPTURE / "transforms.json").is_file():
+        capture = read_capture(folder / files.CAPTURE, plan)
+        add_pictures(told, scene, capture, LAST_WIDTH if last else WIDTH, crops=last)
+    return told
+
+
+def _truth(folder: Path, plan: Wireframe) -> Truth | None:
+    """What really stands after a batch of a simulated print, of the struts that were laid."""
+    if not (folder / TRUTH).is_file():
+        return None
+    real = frame_json.read(folder / TRUTH)
+    if (real.strut_count, real.vertex_count) != (plan.strut_count, plan.vertex_count):
+        return None  # of another plan
+    standing = real.printed & plan.printed
+    return Truth(real.replace(printed=standing), None) if standing.any() else None
+
+
+def _lost(job: PrintJob, batch: int) -> dict[str, np.ndarray]:
+    return {"lost": np.asarray(job.report(batch)["lost"], dtype=np.int64)}
+
+
+def _figures(job: PrintJob, batch: int) -> dict[str, Any]:
+    """The figures of a batch for the charts over all batches."""
+    told = job.report(batch)
+    outcome_file = job.batch_folder(batch) / OUTCOME
+    outcome = read_json(outcome_file) if outcome_file.is_file() else {}
+    seconds = told["seconds"] if isinstance(told["seconds"], dict) else {}
+    laid = told.get("laid")
+    return {
+        "batch": batch,
+        "laid": len(laid) if isinstance(laid, list) else None,
+        "standing": told.get("standing"),
+        "lost": len(told["lost"]),
+        "e_max": outcome.get("e_max", told.get("e_max")),
+        "deviation": _deviation(job, batch),
+        "twin_seconds": seconds.get("total") if "twin" in seconds else None,
+        "printing_seconds": outcome.get("seconds"),
+        "collapsed": outcome.get("collapsed") is True,
+        "accepted": [str(doubt) for doubt in _accepted(told)],
+    }
+
+
+def _accepted(told: dict[str, Any]) -> list[str]:
+    doubts = told.get("accepted", [])
+    return [str(doubt.get("kind", "?")) for doubt in doubts if isinstance(doubt, dict)]
+
+
+def _deviation(job: PrintJob, batch: int) -> float | None:
+    """Mean over the standing struts of their largest distance from the design in mm."""
+    standing = job.adapted(batch)
+    if not standing.printed.any():
+        return None
+    away = displacement(job.design.control_points, standing.control_points)
+    return float(away[standing.printed].mean())
