@@ -23,9 +23,9 @@ def command(source: Path, out: Path, capture: Path | None, truth: Path | None, q
     """Write one HTML page that shows a RUN, a JOB or a DATASET; it needs no server and no network.
 
     The twin can be turned in 3D and is coloured by displacement, error, standard deviation or completeness, with the
-    plan as a ghost; a click on a strut gives its numbers, lengths in mm. Below are the verdict, the worst struts in the photographs,
-    and all views with outlines over them. A job has its batches on a slider, and can be looked at while it runs: write
-    the page again after a batch. Of a dataset the samples with the largest errors are shown.
+    plan as a ghost; a click on a strut gives its numbers, lengths in mm. Below are the verdict, the worst struts in the
+    photographs, and all views with outlines over them. A job has its batches on a slider, and can be looked at while it
+    runs: write the page again after a batch. Of a dataset the samples with the largest errors are shown.
 
     \b
     Examples:
