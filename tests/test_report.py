@@ -209,6 +209,7 @@ def test_a_twin_of_version_1_has_no_standard_deviations(run: Path, tmp_path: Pat
     page = Page(write_report(old, tmp_path / "page.html").path)
     (scene,) = page.data["scenes"]
     assert "sigma_across" not in scene["quantities"] and scene["views"] == [] and scene["cameras"] == []
+    assert scene["verdict"] is None
     assert np.allclose(curves_in(scene["curves"]), read_twin(run).control_points[scene["struts"]], atol=1e-4)
 
 

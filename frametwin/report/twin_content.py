@@ -39,7 +39,7 @@ def twin_content(
     """A twin without its pictures, as for the page."""
     told: dict[str, Any] = {
         **scene.content(with_plan=with_plan),
-        "verdict": {"status": twin.verdict.status, "reasons": list(twin.verdict.reasons)},
+        "verdict": _verdict(twin),
         "cameras": [dict(camera) for camera in twin.cameras],
         "loss": [float(f"{value:.4g}") for value in twin.loss],
         "seconds": _seconds(twin),
@@ -101,6 +101,13 @@ def _crops(views: list[Any], numbers: Sequence[int], scene: Scene, worst: Sequen
         str(int(printed[int(i)])): [{**crop, "view": numbers[crop["view"]]} for crop in crops]
         for i, crops in found.items()
     }
+
+
+def _verdict(twin: Twin) -> dict[str, Any] | None:
+    """Nothing where the file had none and the twin's is what is taken by default: version 1 has neither."""
+    if not twin.views and not twin.verdict.reasons and twin.sigma_across is None:
+        return None
+    return {"status": twin.verdict.status, "reasons": list(twin.verdict.reasons)}
 
 
 def _seconds(twin: Twin) -> float | None:

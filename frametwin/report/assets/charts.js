@@ -1,5 +1,5 @@
 /* Charts, drawn as SVG. */
-const WIDE = 420, HIGH = 190, LEFT = 48, RIGHT = 12, TOP = 10, BOTTOM = 38;
+const WIDE = 380, HIGH = 185, LEFT = 48, RIGHT = 12, TOP = 10, BOTTOM = 38;
 
 function ticks(low, high, count = 4) {
   const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw || 1));
@@ -34,7 +34,7 @@ function histogram(values, quantity) {
   const [low, high] = rangeOf(quantity).map((value) => value * factor), bins = 24;
   const counts = new Array(bins).fill(0);
   for (const value of values) counts[Math.min(bins - 1, Math.max(0, Math.floor(((value * factor - low) / (high - low)) * bins)))]++;
-  const title = unit ? `${name} in ${unit}; the last bar holds all above` : name;
+  const title = unit ? `${name} in ${unit}; last bar: all above` : name;
   const { svg, px, py } = axes(`Histogram of the ${name}`, { span: [low, high], title }, { span: [0, Math.max(...counts, 1) * 1.05] });
   counts.forEach((count, k) => {
     if (!count) return;

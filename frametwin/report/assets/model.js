@@ -127,15 +127,38 @@ class Model {
     for (let i = 0; i < plan.curves.length; i++) { low[i % 3] = Math.min(low[i % 3], plan.curves[i]); high[i % 3] = Math.max(high[i % 3], plan.curves[i]); }
     const radius = 0.5 * Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
     const middle = new THREE.Vector3(...low.map((value, k) => 0.5 * (value + high[k])));
-    const narrow = Math.min(1, this.camera.aspect);
-    const away = (0.92 * radius) / Math.sin((Math.PI / 180) * 17.5) / narrow;
-    this.camera.position.copy(middle).add(new THREE.Vector3(0.55, -0.78, 0.36).normalize().multiplyScalar(away));
+    const way = new THREE.Vector3(0.55, -0.78, 0.36).normalize();
+    let away = (1.2 * radius) / Math.sin((Math.PI / 180) * 17.5);
     this.camera.near = away / 100; this.camera.far = away * 20;
     this.camera.updateProjectionMatrix();
-    this.controls.target.copy(middle);
-    this.controls.update();
+    for (let k = 0; k < 8; k++) { // nearer until it fills the picture, and its middle in the middle
+      this.look(middle, way, away);
+      const [left, right, low, high] = this.spread(plan.curves, this.shown);
+      const half = away * Math.tan((Math.PI / 180) * 17.5), matrix = this.camera.matrixWorld.elements;
+      middle.addScaledVector(new THREE.Vector3(...matrix.slice(0, 3)), 0.5 * (left + right) * half * this.camera.aspect);
+      middle.addScaledVector(new THREE.Vector3(...matrix.slice(4, 7)), 0.5 * (low + high) * half);
+      away *= Math.min(2, Math.max(0.5, Math.max(right - left, high - low) / 1.72));
+    }
+    this.look(middle, way, away);
     this.framed = true;
     this.draw();
+  }
+
+  look(target, way, away) {
+    this.camera.position.copy(target).addScaledVector(way, away);
+    this.controls.target.copy(target);
+    this.controls.update();
+    this.camera.updateMatrixWorld();
+  }
+
+  /** Between which places of the picture, -1 to 1, the ends of curves lie: left, right, low, high. */
+  spread(...groups) {
+    const box = [Infinity, -Infinity, Infinity, -Infinity], v = new THREE.Vector3();
+    for (const curves of groups) for (let i = 0; i < curves.length; i += 3) {
+      v.set(curves[i], curves[i + 1], curves[i + 2]).project(this.camera);
+      box[0] = Math.min(box[0], v.x); box[1] = Math.max(box[1], v.x); box[2] = Math.min(box[2], v.y); box[3] = Math.max(box[3], v.y);
+    }
+    return box;
   }
 
   resize() {

@@ -39,7 +39,7 @@ function outline(context, size, zoom, chains, colour, thin) {
 /** A picture with what is over it. */
 function shot(picture, scene, options) {
   const [width, height] = picture.size;
-  const box = make("button", { type: "button", class: "shot", "aria-label": options.label, style: `aspect-ratio:${width}/${height}` });
+  const box = make("button", { type: "button", class: "shot", "aria-label": options.label, style: `aspect-ratio:${width}/${height};--aspect:${width / height}` });
   box.append(make("img", { src: `data:image/jpeg;base64,${picture.picture}`, alt: "", width, height, loading: "lazy" }));
   const canvas = make("canvas");
   box.append(canvas);

@@ -173,6 +173,7 @@ function all() {
   model?.show(scene(), quantity, chosenStrut);
 }
 
+if (DATA.kind !== "job") document.querySelector("aside").append($("charts")); // one chart: beside the model
 header(); options(); moments();
 try { model = new Model($("stage"), (strut) => choose(strut, false)); } catch (error) { $("nogl").hidden = false; }
 samples(); all();
