@@ -146,3 +146,16 @@ def test_covariance_between_joints_is_that_of_the_whole_system():
     apart = np.zeros((size + own, 3))
     apart[12:15], apart[54:57] = np.eye(3), -np.eye(3)
     np.testing.assert_allclose(found, apart.T @ np.linalg.solve(dense, apart), rtol=2e-3)
+
+
+def test_what_hangs_loose_does_not_lead_the_field(torn_print):
+    """Struts still to be printed move with the field: at the torn joint it goes where the joint went."""
+    frame, truth, _ = torn_print
+    made = simulate(find_frame("half_bowl"), SimulationSettings(size=(600, 800), seed=0))
+    masks = [mask / np.float32(255) for mask in silhouettes(truth, made.cameras)]
+    result = fit_views(frame, made.cameras, masks)
+    joint = frame.edges[END]
+    moved = result.field.evaluate(frame.vertices[[joint]])[0]
+    wanted = truth.vertices[joint] - frame.vertices[joint]
+    loose = truth.vertices[-1] - frame.vertices[joint]
+    assert np.linalg.norm(moved - wanted) < 0.1 * np.linalg.norm(loose - wanted)

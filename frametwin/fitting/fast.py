@@ -62,9 +62,10 @@ def _result(found: Consistent) -> PartFit:
         opacity, _ = presence.seen_opacity(rods, level_of(problem, state, settings.finish[-1]))
     state = state.lapped("presence")
     known = confidence(problem.elastic, state.last_terms)
-    field = field_through(problem.frame, rods.control_points, settings.field_cells, known)
-    doubt = _uncertainty(found, rods)
     torn, struts = found.torn, len(rods.edges)
+    led = known * torn.attached(struts).all(axis=1)  # what hangs loose says nothing of the space about its joint
+    field = field_through(problem.frame, rods.control_points, settings.field_cells, led)
+    doubt = _uncertainty(found, rods)
     state = state.lapped("field")
     return PartFit(
         control_points=rods.control_points,
