@@ -36,7 +36,7 @@ __all__ = ["PRESETS", "FitResult", "fit_capture", "fit_views", "read_field", "se
 
 FIELD_FILE = "field.safetensors"
 
-OUTLINE_OF_MASKS = 0.25
+OUTLINE_OF_MASKS = 0.2
 """Pixels by which a mask of a photograph may have a strut elsewhere than it is. With it between 0.83 and 0.97 of the
 struts of rendered photographs lay within two standard deviations; without it 0.66 to 0.92."""
 
