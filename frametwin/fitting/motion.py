@@ -138,14 +138,13 @@ def free_step(
     slope = np.matmul(turned, terms.gradient[:, :, None])
     slope += pull * np.matmul(elastic.stiffness + elastic.spin_stiffness, away[:, :, None])
     inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
-    matrix, mixed, inner, held = _without_inner(elastic, terms, pull + drag)
-    own_slope = np.linalg.solve(inner, inner_slope)
-    slope -= np.matmul(mixed, own_slope)
+    matrix, inner, follows, held = _without_inner(elastic, terms, pull + drag)
+    slope -= np.matmul(follows.transpose(0, 2, 1), inner_slope)
     shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
     right = -elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
     joints = elastic.solve(matrix, right)
-    follows = np.linalg.solve(inner, np.matmul(mixed.transpose(0, 2, 1), joints[elastic.freedoms][:, :, None]))
-    return joints.reshape(-1, 6), (-own_slope - follows)[:, :, 0]
+    own = -np.linalg.solve(inner, inner_slope) - np.matmul(follows, joints[elastic.freedoms][:, :, None])
+    return joints.reshape(-1, 6), own[:, :, 0]
 
 
 def _without_inner(
@@ -155,16 +154,18 @@ def _without_inner(
 
     Returns
     -------
-    (6V, 6V) over the joints' freedoms; (E, 12, 6) and (E, 6, 6) what was eliminated; (V, 1) how feet are held.
+    (6V, 6V) over the joints' freedoms; (E, 6, 6) over those that were eliminated, and (E, 6, 12) how they follow the
+    joints' when nothing pulls at them, with the sign turned; (V, 1) how feet are held.
     """
     turned = elastic.follow.transpose(0, 2, 1)
     outer = np.matmul(turned, np.matmul(terms.hessian, elastic.follow))
     outer += weight * (elastic.stiffness + elastic.spin_stiffness)
     mixed = np.matmul(turned, terms.hessian[:, :, INNER])
     inner = terms.hessian[:, INNER, INNER] + weight * elastic.inner_stiffness
-    outer -= np.matmul(mixed, np.linalg.solve(inner, mixed.transpose(0, 2, 1)))
+    follows = np.linalg.solve(inner, mixed.transpose(0, 2, 1))
+    outer -= np.matmul(mixed, follows)
     held = GROUND * weight * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
-    return elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3)), mixed, inner, held
+    return elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3)), inner, follows, held
 
 
 def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs: np.ndarray) -> np.ndarray:
