@@ -13,14 +13,13 @@ from frametwin.arrays import checked_array
 from frametwin.cameras import Camera, from_nerfstudio
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json
+from frametwin.formats import frame_json
 
 FORMAT = "frametwin-capture"
 VERSION = 1
 
 APPLIED = ("applied_transform", "applied_scale")
 """What nerfstudio's converters did to the poses that they were given: turned their axes, scaled their positions."""
-
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
 def read_cameras(path: PathLike) -> tuple[Camera, ...]:
@@ -114,10 +113,7 @@ def read_camera(
 
 def _applied(shared: Mapping[str, Any], path: Path) -> tuple[np.ndarray | None, float]:
     """The motion (4, 4) and the factor of positions that take the poses of a file back to where they were, in mm."""
-    unit = shared.get("unit", "mm")
-    if not isinstance(unit, str) or unit not in MILLIMETRES:
-        raise InputError.at(path, "unit", f"{unit!r} is not known", "write 'mm', 'cm', 'm' or 'in'")
-    millimetres, turn = MILLIMETRES[unit], None
+    millimetres, turn = frame_json.UNITS[frame_json.unit_of(shared, path)], None
     applied = shared.get("applied_scale", 1.0)
     scale = float(checked_array(applied, "f", (), str(path), "applied_scale"))
     if not 1e-9 <= scale <= 1e9:

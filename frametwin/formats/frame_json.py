@@ -6,6 +6,7 @@ A file may state another ``unit``; it is converted when it is read, and never wr
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,7 @@ def parse(data: dict[str, Any], path: PathLike) -> Wireframe:
     return Wireframe.create(**_in_millimetres(fields, unit_of(data, path), path), name=name, source=str(path))
 
 
-def unit_of(data: dict[str, Any], path: PathLike) -> str:
+def unit_of(data: Mapping[str, Any], path: PathLike) -> str:
     """Unit of the lengths in a parsed file, one of `UNITS`.
 
     Raises
