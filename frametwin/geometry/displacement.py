@@ -10,6 +10,12 @@ SAMPLES = 30
 """Intervals of the curve parameter in which the largest displacement is looked for first."""
 
 
+def strut_displacements(change: np.ndarray, intervals: int = SAMPLES) -> np.ndarray:
+    """(E,) largest length in mm of each of the cubic curves ``change`` (E, 4, 3), at the ends of so many intervals."""
+    u = np.arange(intervals + 1) / intervals
+    return np.asarray(np.linalg.norm(bezier.evaluate(change, u), axis=2).max(axis=1))
+
+
 def largest_displacement(change: np.ndarray) -> float:
     """Largest length in mm of the cubic curves ``change`` (E, 4, 3) of displacement, to about six digits.
 
@@ -17,7 +23,7 @@ def largest_displacement(change: np.ndarray) -> float:
     """
     if not len(change):
         return 0.0
-    coarse = np.linalg.norm(bezier.evaluate(change, np.arange(SAMPLES + 1) / SAMPLES), axis=2).max(axis=1)
+    coarse = strut_displacements(change)
     near = change[coarse >= 0.98 * coarse.max()]
     return float(np.linalg.norm(bezier.evaluate(near, np.linspace(0.0, 1.0, 601)), axis=2).max())
 

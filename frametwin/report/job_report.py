@@ -10,11 +10,12 @@ import numpy as np
 from frametwin.capture.capture import read_capture
 from frametwin.files import read_json
 from frametwin.formats import frame_json
+from frametwin.geometry.displacement import strut_displacements
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job import job_files as files
 from frametwin.printing.job.job import PrintJob
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.report.scene import Scene, displacement, plan_content
+from frametwin.report.scene import SAMPLES, Scene, plan_content
 from frametwin.report.twin_content import add_pictures, errors_of, twin_content
 from frametwin.twin.runs import Truth, load_run
 
@@ -23,6 +24,9 @@ WIDTH, LAST_WIDTH = 420, 900
 
 PICTURED = 40
 """Batches of which pictures are shown, the last ones, so that the page stays small."""
+
+Answer = tuple[Wireframe, dict[str, Any]]
+"""Of a batch: the plan it went on with, ``printed`` marking what stands, and its report."""
 
 TRUTH, OUTCOME = "truth.json", "outcome.json"
 """What a simulated print leaves beside a batch."""
@@ -40,9 +44,11 @@ def job_content(folder: Path, progress: ProgressCallback | None = None) -> dict[
     """
     job = PrintJob(folder)
     count = job.answered
-    scenes = []
+    scenes, figures = [], []
     for batch in range(count):
-        scenes.append(_batch(job, batch, count))
+        answer = (job.adapted(batch), job.report(batch))
+        scenes.append(_batch(job, batch, answer, count))
+        figures.append(_figures(job, batch, answer))
         report(progress, Progress("reading batches", batch + 1, count))
     states = job.states()
     return {
@@ -55,7 +61,7 @@ def job_content(folder: Path, progress: ProgressCallback | None = None) -> dict[
             "adaptation": "on" if job.settings.adapt else "off",
         },
         "plan": plan_content(job.design),
-        "batches": [_figures(job, batch) for batch in range(count)],
+        "batches": figures,
         "scenes": scenes or [_nothing(job.design)],
     }
 
@@ -69,14 +75,15 @@ def _nothing(design: Wireframe) -> dict[str, Any]:
     return {**scene.content(with_plan=False), "note": note, "worst": []}
 
 
-def _batch(job: PrintJob, batch: int, count: int) -> dict[str, Any]:
+def _batch(job: PrintJob, batch: int, answer: Answer, count: int) -> dict[str, Any]:
     """A batch that has been answered: its twin if there is one, else the plan it went on with."""
     folder, label = job.batch_folder(batch), f"batch {batch}"
+    standing, answered = answer
+    lost = {"lost": np.asarray(answered["lost"], dtype=np.int64)}
     if not (folder / files.RUN / "twin.json").is_file():
-        standing = job.adapted(batch)
         design = job.design.replace(printed=standing.printed)
-        away = displacement(design.control_points, standing.control_points)
-        scene = Scene(label, design, standing.control_points, {"displacement": away}, _lost(job, batch))
+        away = strut_displacements(standing.control_points - design.control_points, SAMPLES)
+        scene = Scene(label, design, standing.control_points, {"displacement": away}, lost)
         note = "No twin was made of this batch: the struts are shown where they were laid."
         return {**scene.content(with_plan=False), "note": note, "worst": []}
     twin, plan = load_run(folder / files.RUN)
@@ -84,7 +91,7 @@ def _batch(job: PrintJob, batch: int, count: int) -> dict[str, Any]:
     truth = _truth(folder, plan)
     errors = errors_of(twin, truth)
     scene = Scene.of_twin(label, design, twin, errors)
-    scene = Scene(label, design, scene.curves, scene.quantities, {**scene.marks, **_lost(job, batch)})
+    scene = Scene(label, design, scene.curves, scene.quantities, {**scene.marks, **lost})
     told = twin_content(scene, twin, errors, None if truth is None else truth.frame, with_plan=False)
     last = batch == count - 1
     if batch >= count - PICTURED and (folder / files.CAPTURE / "transforms.json").is_file():
@@ -104,13 +111,9 @@ def _truth(folder: Path, plan: Wireframe) -> Truth | None:
     return Truth(real.replace(printed=standing), None) if standing.any() else None
 
 
-def _lost(job: PrintJob, batch: int) -> dict[str, np.ndarray]:
-    return {"lost": np.asarray(job.report(batch)["lost"], dtype=np.int64)}
-
-
-def _figures(job: PrintJob, batch: int) -> dict[str, Any]:
+def _figures(job: PrintJob, batch: int, answer: Answer) -> dict[str, Any]:
     """The figures of a batch for the charts over all batches."""
-    told = job.report(batch)
+    standing, told = answer
     outcome_file = job.batch_folder(batch) / OUTCOME
     outcome = read_json(outcome_file) if outcome_file.is_file() else {}
     seconds = told["seconds"] if isinstance(told["seconds"], dict) else {}
@@ -121,7 +124,7 @@ def _figures(job: PrintJob, batch: int) -> dict[str, Any]:
         "standing": told.get("standing"),
         "lost": len(told["lost"]),
         "e_max": outcome.get("e_max", told.get("e_max")),
-        "deviation": _deviation(job, batch),
+        "deviation": _deviation(job.design, standing),
         "twin_seconds": seconds.get("total") if "twin" in seconds else None,
         "printing_seconds": outcome.get("seconds"),
         "collapsed": outcome.get("collapsed") is True,
@@ -134,10 +137,9 @@ def _accepted(told: dict[str, Any]) -> list[str]:
     return [str(doubt.get("kind", "?")) for doubt in doubts if isinstance(doubt, dict)]
 
 
-def _deviation(job: PrintJob, batch: int) -> float | None:
+def _deviation(design: Wireframe, standing: Wireframe) -> float | None:
     """Mean over the standing struts of their largest distance from the design in mm."""
-    standing = job.adapted(batch)
     if not standing.printed.any():
         return None
-    away = displacement(job.design.control_points, standing.control_points)
+    away = strut_displacements(standing.control_points - design.control_points, SAMPLES)
     return float(away[standing.printed].mean())

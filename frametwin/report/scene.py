@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.evaluation.evaluate import Errors
-from frametwin.geometry import bezier
+from frametwin.geometry.displacement import strut_displacements
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.findings import missing_struts, uncertain_struts
 from frametwin.twin.twin import Twin
@@ -49,7 +49,7 @@ class Scene:
     @classmethod
     def of_twin(cls, label: str, plan: Wireframe, twin: Twin, errors: Errors | None = None) -> Scene:
         """The scene of a twin, its printed struts those of ``plan``."""
-        quantities = {"displacement": displacement(plan.control_points, twin.control_points)}
+        quantities = {"displacement": strut_displacements(twin.control_points - plan.control_points, SAMPLES)}
         if errors is not None:
             quantities |= {"error": errors.strut_max, "error_mean": errors.strut_mean}
         if twin.sigma_across is not None and twin.sigma_along is not None:
@@ -91,12 +91,6 @@ def plan_content(plan: Wireframe) -> dict[str, Any]:
         "radius": numbers(plan.radius),
         "edges": plan.edges.ravel().tolist(),
     }
-
-
-def displacement(plan: np.ndarray, curves: np.ndarray) -> np.ndarray:
-    """(E,) largest distance in mm between points at equal parameter of curves (E, 4, 3)."""
-    change = bezier.evaluate(curves - plan, np.linspace(0.0, 1.0, SAMPLES + 1))
-    return np.asarray(np.linalg.norm(change, axis=2).max(axis=1))
 
 
 def floats(values: np.ndarray) -> str:
