@@ -173,7 +173,7 @@ def torn(count: int, apart: float) -> Fault:
 
     def spoil(case: Case, rng: np.random.Generator) -> Case:
         truth, ends = case.truth, torn_candidates(case.truth, rng)[:count]
-        vertices, edges, curves = list(truth.vertices), np.array(truth.edges), np.array(truth.control_points)
+        curves = np.array(truth.control_points)
         for strut, side in ends:
             pivot, arm = curves[strut, 3 - 3 * side].copy(), curves[strut, 3 * side] - curves[strut, 3 - 3 * side]
             axis = np.cross(arm, rng.normal(size=3))
@@ -181,10 +181,7 @@ def torn(count: int, apart: float) -> Fault:
             rotation = Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle).as_matrix()
             curves[strut] = pivot + (curves[strut] - pivot) @ rotation.T
             curves[strut, 3 - 3 * side] = pivot
-            edges[strut, side] = len(vertices)
-            vertices.append(curves[strut, 3 * side])
-        grounded = np.concatenate([truth.grounded, np.zeros(len(ends), dtype=bool)])
-        spoilt = truth.replace(vertices=np.array(vertices), edges=edges, control_points=curves, grounded=grounded)
+        spoilt = truth.detached(np.array(ends), control_points=curves)
         masks = tuple(mask / np.float32(255) for mask in silhouettes(spoilt, case.cameras))
         return replace(case, masks=masks, truth=spoilt, torn=tuple(ends))
 

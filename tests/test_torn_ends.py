@@ -26,7 +26,7 @@ END = (15, 1)
 
 def torn_off(truth: Wireframe, strut: int, side: int) -> Wireframe:
     """The strut turned about its other end, so that this one is `APART` mm from its joint."""
-    curves, edges = np.array(truth.control_points), np.array(truth.edges)
+    curves = np.array(truth.control_points)
     pivot = curves[strut, 3 - 3 * side].copy()
     arm = curves[strut, 3 * side] - pivot
     axis = np.cross(arm, [0.3, 0.5, 0.8])
@@ -34,13 +34,7 @@ def torn_off(truth: Wireframe, strut: int, side: int) -> Wireframe:
     rotation = Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle).as_matrix()
     curves[strut] = pivot + (curves[strut] - pivot) @ rotation.T
     curves[strut, 3 - 3 * side] = pivot
-    edges[strut, side] = truth.vertex_count
-    return truth.replace(
-        vertices=np.concatenate([truth.vertices, curves[strut, 3 * side][None]]),
-        edges=edges,
-        control_points=curves,
-        grounded=np.append(truth.grounded, False),
-    )
+    return truth.detached(np.array([[strut, side]]), control_points=curves)
 
 
 @pytest.fixture(scope="module")

@@ -135,7 +135,7 @@ def _with_joint_material(problem: Problem, state: State) -> State:
 
 def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn]:
     """The last stages; torn ends, and cameras that are not exact to the last digit, are freed on the way."""
-    problem, state, torn = mended(plan, state, plan.settings.learn_torn)
+    problem, state, torn = mended(plan, state)
     for stage in problem.settings.finish:
         state = free_stage(problem, state, stage)
         if state.cameras is None and problem.settings.cameras == "auto":

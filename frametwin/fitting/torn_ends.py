@@ -99,15 +99,13 @@ class Torn:
         return result
 
 
-def mended(problem: Problem, state: State, learn: bool = True) -> tuple[Problem, State, Torn]:
-    """Free the ends that are torn.
+def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
+    """Free the ends that are torn, where the settings let any be.
 
     Parameters
     ----------
     problem, state
         After every joint and strut were free.
-    learn
-        Whether ends may tear at all.
 
     Returns
     -------
@@ -116,7 +114,7 @@ def mended(problem: Problem, state: State, learn: bool = True) -> tuple[Problem,
     """
     torn = Torn.none(problem.elastic.vertex_count)
     plan, stage = problem, problem.settings.refine[-1]
-    for _ in range(ROUNDS if learn else 0):
+    for _ in range(ROUNDS if problem.settings.learn_torn else 0):
         ends, shift = _suspects(problem, state, stage, torn)
         if not len(ends):
             break
@@ -191,14 +189,7 @@ def _separated(plan: Problem, torn: Torn) -> Problem:
     """The problem with a vertex of its own for every torn end."""
     if not len(torn.ends):
         return plan
-    frame, (strut, side) = plan.frame, torn.ends.T
-    edges = np.array(frame.edges)
-    edges[strut, side] = torn.planned + np.arange(len(torn.ends))
-    frame = frame.replace(
-        vertices=np.concatenate([frame.vertices, frame.vertices[torn.joints]]),
-        edges=edges,
-        grounded=np.concatenate([frame.grounded, np.zeros(len(torn.ends), dtype=bool)]),
-    )
+    frame = plan.frame.detached(torn.ends)
     return replace(plan, frame=frame, elastic=ElasticFrame(frame))
 
 

@@ -204,6 +204,33 @@ class Wireframe:
         curves[:, 0], curves[:, 3] = vertices[self.edges[:, 0]], vertices[self.edges[:, 1]]
         return self.replace(vertices=vertices, control_points=curves)
 
+    def detached(self, ends: np.ndarray, **changes: Any) -> Wireframe:
+        """The frame in which some ends of struts have vertices of their own, at their place, after all others.
+
+        Parameters
+        ----------
+        ends
+            (T, 2) strut, and 0 for its start or 1 for its end; end i gets the vertex ``vertex_count + i``.
+        changes
+            Other values in some fields, as for `replace`; ``vertices`` are those that the frame has now.
+
+        Raises
+        ------
+        InputError
+            See `Wireframe`.
+        """
+        strut, side = np.asarray(ends, dtype=np.int64).reshape(-1, 2).T
+        curves = changes.get("control_points", self.control_points)
+        edges = np.array(self.edges)
+        edges[strut, side] = self.vertex_count + np.arange(len(strut))
+        fields = {
+            **changes,
+            "vertices": np.concatenate([changes.get("vertices", self.vertices), curves[strut, 3 * side]]),
+            "edges": edges,
+            "grounded": np.concatenate([self.grounded, np.zeros(len(strut), dtype=bool)]),
+        }
+        return self.replace(**fields)
+
     def subset(self, edge_mask: Any) -> tuple[Wireframe, np.ndarray]:
         """Keep the struts of ``edge_mask`` (E,) bool, in their order, and the vertices they use.
 

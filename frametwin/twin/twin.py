@@ -178,13 +178,8 @@ class Twin:
                 f" the twin {self.strut_count} and {len(self.vertices)}",
                 "give the frame that the twin was made from",
             )
-        vertices, edges, grounded = self.vertices, np.array(frame.edges), frame.grounded
-        if self.attached is not None and not self.attached.all():
-            torn = np.argwhere(~self.attached)
-            edges[torn[:, 0], torn[:, 1]] = len(vertices) + np.arange(len(torn))
-            vertices = np.concatenate([vertices, self.control_points[torn[:, 0], 3 * torn[:, 1]]])
-            grounded = np.concatenate([grounded, np.zeros(len(torn), dtype=bool)])
-        return frame.replace(vertices=vertices, edges=edges, grounded=grounded, control_points=self.control_points)
+        torn = np.zeros((0, 2), dtype=np.int64) if self.attached is None else np.argwhere(~self.attached)
+        return frame.detached(torn, vertices=self.vertices, control_points=self.control_points)
 
 
 _FIELDS = tuple(item.name for item in fields(Twin))
