@@ -67,8 +67,26 @@ def test_a_twin_that_is_off_does_not_move_the_mask() -> None:
     strut = strut_photo()
     photo = photograph(strut.image, strut.reference, strut.where)
     moved = np.roll(strut.coverage, 1, axis=1)
-    coverage, _ = coverage_about(photo, moved, margin=3.0)
+    coverage = coverage_about(photo, moved, margin=3.0).share
     assert abs(shift_of(coverage, strut)) < 0.35 < abs(shift_of(moved, strut))
+
+
+@pytest.mark.parametrize("blur", [1.8, 2.5])
+@pytest.mark.parametrize(("off", "width"), [(0, 0.12), (1, 0.3)])
+def test_photographs_out_of_focus_keep_the_width_and_place_of_a_strut(blur: float, off: int, width: float) -> None:
+    strut = strut_photo(dark_side=0.6, radius=2.5)
+    image, reference = (cv2.GaussianBlur(picture, (0, 0), blur) for picture in (strut.image, strut.reference))
+    photo = photograph(image, reference, strut.where)
+    about = coverage_about(photo, np.roll(strut.coverage, off, axis=1), margin=3.0)
+    assert about.blur == pytest.approx(blur, rel=0.4)
+    assert about.share.sum() / strut.coverage.sum() == pytest.approx(1.0, abs=width)
+    assert abs(shift_of(about.share, strut)) < 0.4
+
+
+def test_sharp_photographs_are_told_from_a_twin_that_lies_beside_the_print() -> None:
+    strut = strut_photo()
+    photo = photograph(strut.image, strut.reference, strut.where)
+    assert coverage_about(photo, np.roll(strut.coverage, 2, axis=1), margin=3.0).blur < 1.0
 
 
 @pytest.mark.parametrize("shadow", [0.15, 0.5, 0.8])

@@ -17,16 +17,18 @@ PHOTOGRAPHS = Path(__file__).resolve().parents[2] / "shared" / "photographs"
 needs_photographs = pytest.mark.skipif(not PHOTOGRAPHS.is_dir(), reason="needs photographs beside the project")
 
 
-@pytest.mark.parametrize(("share", "status"), [(0.03, "good"), (0.1, "doubtful")])
-def test_a_twin_of_loose_masks_is_doubtful(share: float, status: str) -> None:
-    radius = np.full(5, 1.5)
-    judged = judged_on_photographs(Verdict("good", ("a view was left out",)), share * radius, radius)
+@pytest.mark.parametrize(
+    ("loose", "moved", "status"), [(0.03, 0.01, "good"), (0.1, 0.01, "doubtful"), (0.03, 0.05, "doubtful")]
+)
+def test_a_twin_of_loose_or_unsettled_masks_is_doubtful(loose: float, moved: float, status: str) -> None:
+    judged = judged_on_photographs(Verdict("good", ("a view was left out",)), loose, moved)
     assert judged.status == status and "a view was left out" in judged.reasons
+    assert all(f"{value:.0%}" in judged.reasons[0] for value in (loose, moved) if value >= 0.05)
 
 
 def test_a_graver_verdict_stays() -> None:
     wrong = Verdict("wrong", ("nothing agrees",))
-    assert judged_on_photographs(wrong, np.ones(2), np.ones(2)) is wrong
+    assert judged_on_photographs(wrong, 1.0, 1.0) is wrong
 
 
 @needs_photographs

@@ -63,6 +63,7 @@ def command(
     from frametwin.capture.capture import read_capture
     from frametwin.capture.image_files import encode_png
     from frametwin.files import write_bytes
+    from frametwin.fitting.camera_corrections import as_found
     from frametwin.imaging.mask_page import figures_of, page, seen_views, sheet
     from frametwin.imaging.view_masks import read_view_masks, refine_view_masks
     from frametwin.twin.runs import load_run
@@ -72,7 +73,8 @@ def command(
         masks = read_view_masks(taken, method, ignore=ignore, require=False, progress=display)
         if run is not None:
             twin, _ = load_run(run)
-            masks = refine_view_masks(taken, masks, twin.as_wireframe(taken.frame))
+            cameras = as_found([view.camera.without_distortion() for view in taken.views], twin.cameras)
+            masks = refine_view_masks(taken, masks, twin.as_wireframe(taken.frame), cameras)
         views = seen_views(taken, masks)
     title = f"What is seen of {taken.frame.name}"
     data = page(title, views).encode() if out.suffix.lower() == ".html" else encode_png(sheet(views))
@@ -94,5 +96,6 @@ def _figures(name: str, mask: ViewMask) -> dict[str, Any]:
         "reason": mask.reason or None,
         "found": mask.found if np.isfinite(mask.found) else None,
         "noise": None if mask.photo is None else mask.photo.noise,
+        "blur": mask.blur or None,
         "gain": None if mask.photo is None else mask.photo.gain.tolist(),
     }

@@ -18,7 +18,7 @@ from frametwin.errors import InputError
 from frametwin.fields.base import DeformationField
 from frametwin.fields.store import load_field, save_field
 from frametwin.files import PathLike, staged_directory
-from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, LENS, SHIFT, TURN
+from frametwin.fitting.camera_corrections import as_records
 from frametwin.fitting.judgement import judged_on_photographs, verdict
 from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.photo_fit import ROUNDS, fit_by_turns
@@ -94,18 +94,24 @@ def fit_capture(
     masks = read_view_masks(capture, mask, ignore=ignore, progress=callback)
     read = perf_counter() - began
 
-    def fit(cameras: list[Camera], pictures: list[np.ndarray], start: DeformationField | None) -> FitResult:
-        return fit_views(
-            capture.frame, cameras, pictures, preset, seed=seed, changes=changes, start=start, callback=callback
+    def fit(
+        cameras: list[Camera], pictures: list[np.ndarray], start: DeformationField | None, exact: bool
+    ) -> FitResult:
+        wanted = {**(changes or {}), "cameras": "exact"} if exact else changes
+        result = fit_views(
+            capture.frame, cameras, pictures, preset, seed=seed, changes=wanted, start=start, callback=callback
         )
+        return result.with_twin(provenance={**result.twin.provenance, "changes": dict(changes or {})})
 
     start = None if warm_start is None else read_field(warm_start)
     rounds = ROUNDS if preset == "fast" else 0  # the others cannot start from a twin
-    result, seen = fit_by_turns(capture, masks, fit, start, rounds)
-    twin = _with_views_unread(result.twin, capture, seen)
-    if any(mask.photo is not None and mask.used for mask in seen) and twin.sigma_across is not None:
+    looked = fit_by_turns(capture, masks, fit, start, rounds)
+    result = looked.result
+    twin = _with_views_unread(result.twin, capture, looked.masks)
+    if any(mask.photo is not None and mask.used for mask in looked.masks) and twin.sigma_across is not None:
         part = capture.frame.printed
-        judged = judged_on_photographs(twin.verdict, twin.sigma_across[part], capture.frame.radius[part])
+        loose = float(np.median((twin.sigma_across / capture.frame.radius)[part])) if part.any() else 0.0
+        judged = judged_on_photographs(twin.verdict, loose, looked.moved)
         twin = _with_doubt_of_masks(twin.replace(verdict=judged), capture)
     timing = {"read": read, **twin.timing, "total": perf_counter() - began}
     provenance = {**twin.provenance, "inputs": capture.hashes}
@@ -218,20 +224,7 @@ def _views_and_verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Came
         {"name": camera.name, "used": bool(used), "unexplained": float(unexplained), "unseen": float(unseen)}
         for camera, used, unexplained, unseen in zip(cameras, found.used, found.unexplained, found.unseen, strict=True)
     ]
-    corrections = [
-        {
-            "name": camera.name,
-            "turn_deg": np.rad2deg(own[TURN]).tolist(),
-            "shift_mm": own[SHIFT].tolist(),
-            "focal_share": float(np.expm1(own[FOCAL])),
-            "centre_px": own[CENTRE].tolist(),
-            "k1": float(own[LENS]),
-            "sigmas": float(sigmas),
-            "held_by": found.holds,
-        }
-        for camera, own, sigmas in zip(cameras, found.cameras, found.sigmas, strict=True)
-        if found.holds != "rig"
-    ]
+    corrections = as_records(found, cameras)
     return {"views": views, "cameras": corrections, "verdict": verdict(part, printed, cameras)}
 
 

@@ -25,6 +25,9 @@ LOOSE_ON_PHOTOGRAPHS = 0.06
 """Standard deviation of the typical strut in radii from which a twin of photographs is doubtful: masks that are sound
 leave less, and what is lost by unsound ones shows in it only in part."""
 
+UNSETTLED = 0.02
+"""How far in radii a last look at the photographs may move the typical strut: what is left is about as much again."""
+
 FAR = 4.0
 """Standard deviations of its rig by which a camera may be corrected without a word."""
 
@@ -89,15 +92,29 @@ def torn_ends(part: PartFit) -> list[str]:
     return [f"torn off their joints: {'; '.join(told)}{rest}"]
 
 
-def judged_on_photographs(judged: Verdict, sigma_across: np.ndarray | None, radius: np.ndarray) -> Verdict:
-    """The verdict on a twin whose masks were found in photographs, given (E,) deviations and radii in mm."""
-    if sigma_across is None or not len(radius) or judged.status != GOOD:
+def judged_on_photographs(judged: Verdict, loose: float, moved: float) -> Verdict:
+    """The verdict on a twin whose masks were found in photographs.
+
+    Parameters
+    ----------
+    judged : Verdict
+        By what is asked of every twin.
+    loose : float
+        Standard deviation of the typical strut, in radii.
+    moved : float
+        How far the last look at the photographs has moved it, in radii.
+    """
+    if judged.status != GOOD:
         return judged
-    loose = float(np.median(sigma_across / radius))
-    if loose <= LOOSE_ON_PHOTOGRAPHS:
+    doubts = []
+    if loose > LOOSE_ON_PHOTOGRAPHS:
+        doubts.append(f"the masks leave the typical strut uncertain by {loose:.0%} of its radius")
+    if moved > UNSETTLED:
+        doubts.append(f"the last look at the photographs still moved the typical strut by {moved:.0%} of its radius")
+    if not doubts:
         return judged
-    told = f"the masks leave the typical strut uncertain by {loose:.0%} of its radius: look at them with frametwin mask"
-    return Verdict(DOUBTFUL, (told, *judged.reasons))
+    doubts[-1] += ": look at the masks with frametwin mask"
+    return Verdict(DOUBTFUL, (*doubts, *judged.reasons))
 
 
 def moved_cameras(views: ViewsFit, cameras: Sequence[Camera]) -> list[str]:

@@ -8,14 +8,20 @@ must (a print that is darker at its rim would else look thinner than it is).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
+from frametwin.imaging.focus import blur_of, blurred, shared_light
 from frametwin.imaging.light import spread
 from frametwin.imaging.photograph import TINT, Photograph
 
 SUM_SPREAD = 0.05
 """By how much the shares of a pixel may miss one, in the weights of the comparison."""
+
+SHADED_SPREAD = 0.3
+"""The same where a strut's shading from side to side cannot be seen, so that its brightness tells little."""
 
 MODEL_ERROR = 0.05
 """Error of the print's and the background's light, as a share of both."""
@@ -25,6 +31,9 @@ RIM = 1.1
 
 FINE_SIGMAS, WIDE_SIGMAS = (0.9, 2.0, 6.0), (2.5, 6.0, 12.0)
 BACKGROUND_SIGMAS = (2.0, 5.0, 15.0, 50.0)
+
+SHARP = 0.8
+"""Blur in pixels up to which struts have pixels that are wholly print."""
 
 _ROUNDS = 2
 _CROSS = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
@@ -49,7 +58,23 @@ def first_coverage(photo: Photograph, found: np.ndarray) -> np.ndarray:
     return coverage
 
 
-def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """What a photograph shows about a twin.
+
+    Attributes
+    ----------
+    share : (H, W) float32, of each pixel that is print; where print and background look alike, the twin's own.
+    certain : (H, W) float32, 0 where nothing could be told, 1 where everything.
+    blur : of the photograph, standard deviation in pixels.
+    """
+
+    share: np.ndarray
+    certain: np.ndarray
+    blur: float
+
+
+def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float) -> Coverage:
     """Coverage from a photograph and a twin that is right to within a margin.
 
     Parameters
@@ -60,33 +85,65 @@ def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float) -> 
         The twin's, 0..1, with the camera's lens distortion if the photograph has it.
     margin
         Pixels by which the twin's outlines may be wrong.
-
-    Returns
-    -------
-    coverage : (H, W) float32
-        Where print and background look alike, the silhouette itself.
-    certain : (H, W) float32
-        0 where nothing could be told, 1 where everything.
     """
     inside = (silhouette > 0.5).astype(np.uint8)
-    depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5)
-    outer = cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5) > margin
+    outside = cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5)
+    blur = _blur(photo, _behind(photo, outside > margin), silhouette)
+    outer = outside > margin + (2.0 * blur if blur > SHARP else 0.0)
     behind = _behind(photo, outer)
-    differs = ((photo.light - behind) ** 2 / (photo.variance + (TINT * behind) ** 2)).sum(axis=-1)
-    seeds = ((differs > _SEEN) & (depth > 1.5)) + 0.01 * ((differs > _SEEN) & (depth > 0.0))
-    inner = np.zeros_like(inside)
-    coverage = certain = np.zeros(silhouette.shape, dtype=np.float32)
+    if blur > SHARP:
+        share, certain = _out_of_focus(photo, behind, blurred(silhouette, blur))
+        share = np.where(outer, 0.0, share)
+    else:
+        share, certain = _in_focus(photo, behind, silhouette, outer, margin)
+    return Coverage(share.astype(np.float32), np.where(outer, 1.0, certain).astype(np.float32), blur)
+
+
+def _blur(photo: Photograph, behind: np.ndarray, silhouette: np.ndarray) -> float:
+    """The blur of a photograph in which the print is seen; of one that shows as good as nothing none is told."""
+    seen = _difference(photo, behind)[silhouette > 0.5] > _SEEN
+    return blur_of(photo.light, behind, silhouette) if seen.size and seen.mean() > 0.5 else 0.0
+
+
+def _difference(photo: Photograph, behind: np.ndarray) -> np.ndarray:
+    """Squared difference (H, W) from the background, in multiples of the noise."""
+    return np.asarray(((photo.light - behind) ** 2 / (photo.variance + (TINT * behind) ** 2)).sum(axis=-1))
+
+
+def _out_of_focus(photo: Photograph, behind: np.ndarray, expected: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shares of pixels none of which need be wholly print, and how certain; ``expected`` (H, W) are the twin's."""
+    share = expected
     for _ in range(_ROUNDS):
-        print_light = _print_light(photo, seeds.astype(np.float32))
-        coverage = _unmixed(photo, print_light, behind)
-        coverage[inner > 0] = 1.0
-        coverage[depth > margin] = 1.0
-        coverage[outer] = 0.0
-        distinct = ((print_light - behind) ** 2 / (2.0 * photo.variance + (TINT * behind) ** 2)).sum(axis=-1)
-        certain = np.clip((distinct - _DISTINCT[0]) / (_DISTINCT[1] - _DISTINCT[0]), 0.0, 1.0)
-        coverage = certain * coverage + (1.0 - certain) * silhouette
-        inner, seeds = _inside(coverage)
-    return coverage.astype(np.float32), np.where(outer, 1.0, certain).astype(np.float32)
+        front = shared_light(photo.light, behind, share)
+        certain = _told_apart(photo, front, behind)
+        share = certain * _unmixed(photo, front, behind, SHADED_SPREAD) + (1.0 - certain) * expected
+    return share, certain
+
+
+def _in_focus(
+    photo: Photograph, behind: np.ndarray, silhouette: np.ndarray, outer: np.ndarray, margin: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same where the middles of the struts are wholly print; ``outer`` (H, W) bool is out of the twin's reach."""
+    depth = cv2.distanceTransform((silhouette > 0.5).astype(np.uint8), cv2.DIST_L2, 5)
+    differs = _difference(photo, behind) > _SEEN
+    seeds = (differs & (depth > 1.5)) + 0.01 * (differs & (depth > 0.0))
+    inner = np.zeros(silhouette.shape, dtype=np.uint8)
+    for _ in range(_ROUNDS):
+        front = _print_light(photo, seeds.astype(np.float32))
+        share = _unmixed(photo, front, behind)
+        share[inner > 0] = 1.0
+        share[depth > margin] = 1.0
+        share[outer] = 0.0
+        certain = _told_apart(photo, front, behind)
+        share = certain * share + (1.0 - certain) * silhouette
+        inner, seeds = _inside(share)
+    return share, certain
+
+
+def _told_apart(photo: Photograph, front: np.ndarray, behind: np.ndarray) -> np.ndarray:
+    """How well (H, W) in 0..1 the lights of print and background can be told apart."""
+    distinct = ((front - behind) ** 2 / (2.0 * photo.variance + (TINT * behind) ** 2)).sum(axis=-1)
+    return np.asarray(np.clip((distinct - _DISTINCT[0]) / (_DISTINCT[1] - _DISTINCT[0]), 0.0, 1.0))
 
 
 def _behind(photo: Photograph, free: np.ndarray) -> np.ndarray:
@@ -103,10 +160,10 @@ def _print_light(photo: Photograph, seeds: np.ndarray) -> np.ndarray:
     return np.asarray(np.clip(fine + RIM * (fine - wide), 0.4 * fine, 1.8 * fine))
 
 
-def _unmixed(photo: Photograph, front: np.ndarray, behind: np.ndarray) -> np.ndarray:
+def _unmixed(photo: Photograph, front: np.ndarray, behind: np.ndarray, sum_spread: float = SUM_SPREAD) -> np.ndarray:
     """The share that is not background, by least squares with the belief that both shares sum to one."""
     weight = 1.0 / (photo.variance + (MODEL_ERROR * (front + behind)) ** 2)
-    belief = 1.0 / SUM_SPREAD**2
+    belief = 1.0 / sum_spread**2
     ff = (weight * front * front).sum(axis=-1) + belief
     fb = (weight * front * behind).sum(axis=-1) + belief
     bb = (weight * behind * behind).sum(axis=-1) + belief

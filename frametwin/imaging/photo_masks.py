@@ -52,6 +52,7 @@ class ViewMask:
     valid : (H, W) float32, how much each pixel tells, 0 where it tells nothing.
     found : pixels of print as a share of what the plan would cover; NaN where that is not known.
     photo : what the mask was made from, if it was a photograph.
+    blur : of the photograph in pixels, once a twin has told it; see `frametwin.imaging.focus`.
     """
 
     coverage: np.ndarray
@@ -61,6 +62,7 @@ class ViewMask:
     valid: np.ndarray | None = None
     found: float = float("nan")
     photo: Photograph | None = None
+    blur: float = 0.0
     remedy: str = "give a picture of the print, better with the same view before printing in background/, or a mask"
 
 
@@ -101,14 +103,15 @@ def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN)
         return mask
     photo = mask.photo
     pixels = max(2.0, margin * photo.neighbourhood.pixels_per_mm)
-    coverage, certain = coverage_about(photo, silhouette, pixels)
+    about = coverage_about(photo, silhouette, pixels)
+    coverage, certain = about.share, about.certain
     if mask.valid is not None:
         known = mask.valid > 0.0
         coverage = np.where(known, coverage, silhouette).astype(np.float32)
         certain = np.where(known, certain, 0.0).astype(np.float32)
     told = float(certain[silhouette > 0.5].mean()) if (silhouette > 0.5).any() else 0.0
     reason = "" if told >= LEAST_TOLD else f"print and background look alike in it (only {told:.0%} can be told apart)"
-    return replace(mask, coverage=coverage, valid=certain, used=not reason, reason=reason)
+    return replace(mask, coverage=coverage, valid=certain, used=not reason, reason=reason, blur=about.blur)
 
 
 def nothing_to_see(image: np.ndarray) -> str:

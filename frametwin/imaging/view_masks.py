@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
 from frametwin.capture.picture import Picture
 from frametwin.errors import InputError
@@ -105,16 +106,31 @@ def require_views(capture: Capture, masks: Sequence[ViewMask]) -> None:
 
 
 def refine_view_masks(
-    capture: Capture, masks: Sequence[ViewMask], twin: Wireframe, margin: float = MARGIN
+    capture: Capture,
+    masks: Sequence[ViewMask],
+    twin: Wireframe,
+    cameras: Sequence[Camera] | None = None,
+    margin: float = MARGIN,
 ) -> list[ViewMask]:
     """The masks of photographs once more, about a twin that is right to within a margin in mm.
 
     What lies wholly in shadow has the colour of shadow; only its shape tells it from one. Masks that are no
     photographs, and views that are not used, stay as they are.
+
+    Parameters
+    ----------
+    capture, masks
+        As they were read.
+    twin
+        The frame where it is.
+    cameras
+        Of all views, without distortion, where they were found to be; by default where the capture has them.
+    margin
+        By how many mm the twin may be off.
     """
     chosen = [i for i, mask in enumerate(masks) if mask.photo is not None and mask.used]
-    cameras = [capture.views[i].camera.without_distortion() for i in chosen]
-    drawn = silhouettes(twin, cameras, supersampling=3) if chosen else []
+    known = cameras or [view.camera.without_distortion() for view in capture.views]
+    drawn = silhouettes(twin, [known[i] for i in chosen], supersampling=3) if chosen else []
     refined = list(masks)
     with ThreadPoolExecutor(_WORKERS) as pool:
         waiting = [
