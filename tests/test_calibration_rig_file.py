@@ -180,3 +180,20 @@ def test_a_rig_camera_is_the_camera_of_everything_else() -> None:
     )
     with pytest.raises(InputError, match="OPENCV_FISHEYE"):
         some_rig().cameras[1].as_camera()
+
+
+def test_what_is_known_of_a_camera_reaches_the_fit() -> None:
+    """Each freedom's own deviation, in the units of the fit."""
+    camera = some_rig().cameras[0]
+    assert camera.covariance is not None
+    known = camera.as_camera().deviations
+    assert known is not None
+    spread = dict(zip(camera.keys, np.sqrt(np.diag(camera.covariance)), strict=True))
+    names = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
+    np.testing.assert_allclose(known[:6], [spread[name] for name in names])
+    np.testing.assert_allclose(known[7:], [spread["cx"], spread["cy"], spread["k1"]])
+    focal = camera.covariance[:2, :2] / np.outer(camera.lens[:2], camera.lens[:2])
+    assert known[6] == pytest.approx(np.sqrt(focal.mean()))
+    assert some_rig("none").cameras[0].deviations is None
+    half = camera.as_camera().resized(640, 360).deviations
+    np.testing.assert_allclose(half, known * [*7 * [1.0], 0.5, 0.5, 1.0])

@@ -10,16 +10,20 @@ from rod_cases import level_of, of_frame, views
 from small_frames import tower
 
 from frametwin.cameras import packed
+from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting import camera_steps, gauge
 from frametwin.fitting.camera_freedoms import (
+    DRIFT,
     FOCAL,
     FREEDOMS,
     LENS,
+    NOISE,
     CameraPrior,
     RigErrors,
     camera_terms,
     corrected,
     moved_cameras,
+    rig_deviations,
     view_motions,
     with_cameras,
 )
@@ -107,7 +111,7 @@ def test_the_joint_step_solves_the_whole_system() -> None:
     drawn = as_rods(elastic, pose, 4)
     terms = gauss_newton_by_view(drawn, pictures)
     cameras = camera_terms(drawn, terms, pictures.cameras, SCALES)
-    prior = CameraPrior.of(3, RigErrors())
+    prior = CameraPrior.of(np.tile(RigErrors().deviations(), (3, 1)))
     freedoms = random_freedoms(3, 0.1)
     system = camera_steps.reduced_system(elastic, terms.summed(), cameras, (pose, pose), (freedoms, prior), (0.05, 0.1))
     joints, inner, moved = camera_steps.whole_step(elastic, system)
@@ -160,7 +164,7 @@ def test_the_world_comes_back_to_its_feet() -> None:
     plan = start_pose(elastic)
     motion = moved_by(1.004, np.array([0.003, 0.002, -0.004]), np.array([0.7, -0.4, 0.3]))
     away, rig = gauge.moved_pose(elastic, plan, motion), gauge.moved_rig(pictures.cameras, np.zeros((3, 10)), motion)
-    back = gauge.held_world(elastic, away, pictures.cameras, rig, RigErrors())
+    back = gauge.held_world(elastic, away, pictures.cameras, rig, np.tile(RigErrors().deviations(), (3, 1)))
     home = gauge.moved_pose(elastic, away, back)
     feet = home.joints[elastic.frame.grounded, :3]
     assert np.abs(feet).max() < 0.01
@@ -174,6 +178,18 @@ def test_one_foot_that_came_off_carries_nothing_along() -> None:
     joints = pose.joints.copy()
     joints[np.flatnonzero(elastic.frame.grounded)[0], :3] = [0.0, 4.0, 3.0]
     loose = Pose(joints, pose.inner, pose.radius, pose.opacity)
-    motion = gauge.held_world(elastic, loose, pictures.cameras, np.zeros((3, 10)), RigErrors(shift=0.5))
+    motion = gauge.held_world(
+        elastic, loose, pictures.cameras, np.zeros((3, 10)), np.tile(RigErrors(shift=0.5).deviations(), (3, 1))
+    )
     others = np.flatnonzero(elastic.frame.grounded)[1:]
     assert np.linalg.norm(motion(elastic.frame.vertices[others]) - elastic.frame.vertices[others], axis=1).max() < 1.0
+
+
+def test_cameras_are_held_by_their_own_calibration_and_what_drifts_after_it() -> None:
+    known = np.array([*3 * [1e-4], *3 * [0.5], 2e-4, 0.1, 0.2, 5e-4])
+    some, other = ring_rig(np.array([[-50.0, -50.0, 0.0], [50.0, 50.0, 80.0]]), 2, size=(80, 60))
+    errors = RigErrors(turn=1.0)
+    own, usual = rig_deviations([replace(some, deviations=known), other], errors)
+    np.testing.assert_allclose(own**2, known**2 + DRIFT.deviations() ** 2)
+    np.testing.assert_array_equal(usual, errors.deviations())
+    np.testing.assert_allclose(CameraPrior.of(own[None]).weight[0] * own**2, NOISE**2)

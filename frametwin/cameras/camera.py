@@ -48,6 +48,9 @@ class Camera:
         OpenCV's coefficients: (5,) k1, k2, p1, p2, k3, zeros for none; of a fisheye (4,) k1, k2, k3, k4.
     model
         ``OPENCV`` (perspective) or ``OPENCV_FISHEYE``.
+    deviations
+        How well the camera is known: standard deviations (10,) of its turns about its own axes (radians), its centre
+        (mm), the logarithm of its focal length, its principal point (px) and k1; ``None`` where nobody says.
     source
         Where the values come from, such as a file and a field; only named in error messages, not kept.
 
@@ -68,6 +71,7 @@ class Camera:
     camera_to_world: Floats
     distortion: Floats = field(default_factory=lambda: np.zeros(5))
     model: str = PERSPECTIVE
+    deviations: Floats | None = None
     source: InitVar[str | None] = None
 
     def __post_init__(self, source: str | None) -> None:
@@ -92,7 +96,10 @@ class Camera:
             raise InputError.at(where, "model", f"{self.model!r} is not known", remedy)
         count = len(DISTORTION_KEYS[self.model])
         coefficients = checked_array(self.distortion, "f", (count,), where, "distortion")
-        for key, array in (("camera_to_world", pose), ("distortion", coefficients)):
+        arrays = {"camera_to_world": pose, "distortion": coefficients}
+        if self.deviations is not None:
+            arrays["deviations"] = checked_array(self.deviations, "f", (10,), where, "deviations")
+        for key, array in arrays.items():
             array.setflags(write=False)
             object.__setattr__(self, key, array)
 
@@ -198,6 +205,7 @@ class Camera:
             fl_y=self.fl_y * sy,
             cx=self.cx * sx,
             cy=self.cy * sy,
+            deviations=None if self.deviations is None else self.deviations * [*7 * [1.0], sx, sy, 1.0],
         )
 
     def without_distortion(self) -> Camera:

@@ -78,6 +78,21 @@ class RigCamera:
         assert self.camera_to_world is not None
         return self.camera_to_world[:3, 3]
 
+    @property
+    def deviations(self) -> Floats | None:
+        """Of the camera as `frametwin.cameras.Camera` has them; None where pose or covariance is not known.
+
+        Each is that of its own freedom whatever the others are, so that what is known of several together is lost.
+        """
+        if self.camera_to_world is None or self.covariance is None:
+            return None
+        first = len(self.keys) - len(POSE_KEYS)
+        rows = np.zeros((10, len(self.keys)))
+        rows[range(6), range(first, first + 6)] = 1.0
+        rows[6, :2] = 0.5 / self.lens[:2]
+        rows[[7, 8, 9], [2, 3, 4]] = 1.0
+        return np.asarray(np.sqrt(np.maximum(np.einsum("fp,pq,fq->f", rows, self.covariance, rows), 0.0)))
+
     def as_camera(self) -> Camera:
         """The camera for everything else in FrameTwin.
 
@@ -93,7 +108,8 @@ class RigCamera:
             remedy = "run frametwin calibrate extrinsics first"
             raise InputError.at(f"camera {self.name}", "transform_matrix", "the pose is not known", remedy)
         fl_x, fl_y, cx, cy = self.lens[:4].tolist()
-        return Camera(self.name, self.width, self.height, fl_x, fl_y, cx, cy, self.camera_to_world, self.lens[4:9])
+        pose, lens, known = self.camera_to_world, self.lens[4:9], self.deviations
+        return Camera(self.name, self.width, self.height, fl_x, fl_y, cx, cy, pose, lens, deviations=known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +243,11 @@ def read_rig(folder: PathLike) -> Rig:
     """
     path = Path(folder)
     path = path / FILE_NAME if path.is_dir() or path.suffix != ".json" else path
-    data = read_json(path)
+    return parse_rig(read_json(path), path)
+
+
+def parse_rig(data: dict[str, Any], path: Path) -> Rig:
+    """The rig that a file holds; see `read_rig`, whose errors it has."""
     check_format(data, path, FORMAT, VERSION)
     world = data.get("world")
     if world not in WORLDS:

@@ -1,7 +1,8 @@
 """A capture folder: the plan, the calibrated views of the print, and the truth where it is known.
 
 The files are ``frame.json``, ``transforms.json`` (nerfstudio's, poses in mm), ``images/``, and optionally
-``background/`` (the same views before printing, under the same names) and ``truth.json``.
+``background/`` (the same views before printing, under the same names), ``rig.json`` (how well the cameras are known)
+and ``truth.json``.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from typing import Any
 import numpy as np
 
 from frametwin.cameras import Camera, to_nerfstudio
+from frametwin.cameras.rig_file import FILE_NAME as RIG_FILE
+from frametwin.cameras.rig_file import Rig, parse_rig
 from frametwin.capture.capture_checks import check_pictures, check_truth, check_views
 from frametwin.capture.image_files import write_png
 from frametwin.capture.paths import path_inside
@@ -121,6 +124,10 @@ def read_capture(folder: PathLike, frame: Wireframe | None = None) -> Capture:
     transforms = path_inside(root, "transforms.json", root / "transforms.json", "file")
     documents["transforms.json"] = read_bytes(transforms)
     views = _read_views(root, _parsed(documents["transforms.json"], transforms), transforms)
+    rig = path_inside(root, RIG_FILE, root / RIG_FILE, "file")
+    if rig.exists():
+        documents[RIG_FILE] = read_bytes(rig)
+        views = _as_well_known(views, parse_rig(_parsed(documents[RIG_FILE], rig), rig))
     check_views(frame, [view.camera for view in views], transforms)
     truth = None
     truth_file = path_inside(root, "truth.json", root / "truth.json", "file")
@@ -157,6 +164,15 @@ def _read_views(root: Path, data: dict[str, Any], path: Path) -> list[View]:
         _check_size(image, camera, path, f"frames[{i}]")
         views.append(View(camera=camera, image=image, background=_background(root, file, camera, path, i)))
     return views
+
+
+def _as_well_known(views: Sequence[View], rig: Rig) -> list[View]:
+    """The views with how well the rig knows their cameras, by name."""
+    known = {camera.name: camera.deviations for camera in rig.cameras}
+    return [
+        replace(view, camera=replace(view.camera, deviations=known.get(view.camera.name, view.camera.deviations)))
+        for view in views
+    ]
 
 
 def _image_file(root: Path, name: Any, path: Path, field: str) -> Path:

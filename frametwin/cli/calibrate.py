@@ -5,11 +5,12 @@ from __future__ import annotations
 import click
 
 from frametwin.cli.calibrate_board import board_command
+from frametwin.cli.calibrate_check import check_command
 from frametwin.cli.calibrate_lenses import intrinsics_command
 from frametwin.cli.calibrate_poses import extrinsics_command, place_command
 
 
-@click.group("calibrate", short_help="Calibrate cameras: board, intrinsics, extrinsics, place.")
+@click.group("calibrate", short_help="Calibrate cameras: board, intrinsics, extrinsics, place, check.")
 def command() -> None:
     """From cameras to a rig: each lens, where the cameras stand, and where the robot's world is.
 
@@ -22,6 +23,7 @@ def command() -> None:
     Their places:       frametwin calibrate extrinsics RIG MOMENTS
     The robot's world:  frametwin calibrate place RIG OBJECT --object cuboid --at 300,0,0
     Then, each time:    frametwin capture RIG PICTURES --frame PLAN --out CAPTURE
+    Touched since?      frametwin calibrate check RIG CAPTURE
 
     A BOARD is written KIND:COLUMNSxROWS:SQUARE_MM[:MARKER_MM[:DICTIONARY]]. Columns and rows are inner corners of a
     checkerboard, squares of a ChArUco board, tags of an AprilGrid; the square of an AprilGrid is the distance from one
@@ -29,5 +31,5 @@ def command() -> None:
     """
 
 
-for _command in (board_command, intrinsics_command, extrinsics_command, place_command):
+for _command in (board_command, intrinsics_command, extrinsics_command, place_command, check_command):
     command.add_command(_command)

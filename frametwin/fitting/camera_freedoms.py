@@ -58,6 +58,19 @@ class RigErrors:
         return np.array([*3 * [np.deg2rad(self.turn)], *3 * [self.shift], self.focal, *2 * [self.centre], self.lens])
 
 
+DRIFT = RigErrors(turn=0.03, shift=0.2, focal=5e-4, centre=0.3, lens=1e-3)
+"""What comes on top of a calibration's own errors until the print is seen: warmth, a touched table, a creeping focus.
+These are the errors of a good calibration that is repeated."""
+
+
+def rig_deviations(cameras: Sequence[Camera], errors: RigErrors) -> np.ndarray:
+    """Standard deviations (N, 10) of cameras: their own with `DRIFT`, or where a camera has none, ``errors``."""
+    drift = DRIFT.deviations()
+    return np.array(
+        [errors.deviations() if camera.deviations is None else np.hypot(camera.deviations, drift) for camera in cameras]
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class CameraPrior:
     """What is known of the cameras before any picture is looked at.
@@ -70,10 +83,9 @@ class CameraPrior:
     weight: np.ndarray
 
     @classmethod
-    def of(cls, views: int, errors: RigErrors) -> CameraPrior:
-        """From standard deviations; the loss is the squared residual, so its noise is that of a pixel."""
-        weight = NOISE**2 / errors.deviations() ** 2
-        return cls(np.tile(weight, (views, 1)))
+    def of(cls, deviations: np.ndarray) -> CameraPrior:
+        """From standard deviations (N, 10); the loss is the squared residual, so its noise is that of a pixel."""
+        return cls(NOISE**2 / deviations**2)
 
 
 def corrected(cameras: Sequence[Camera], freedoms: np.ndarray) -> list[Camera]:

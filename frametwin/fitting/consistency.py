@@ -87,7 +87,8 @@ def consistent_fit(problem: Problem, field: DeformationField | None) -> Consiste
     if state.cameras is not None:
         state, holds = _held(part, state)
     whole = state if state.cameras is None else replace(state, cameras=_spread(state.cameras, used, problem))
-    misfit = _misfit(replace(part, levels=problem.levels), whole, problem.settings.finish[0])
+    every = replace(part, levels=problem.levels, deviations=problem.deviations)
+    misfit = _misfit(every, whole, problem.settings.finish[0])
     mask = np.zeros(problem.levels.view_count, dtype=bool)
     mask[used] = True
     return Consistent(part, state, mask, misfit, torn, holds)
@@ -159,14 +160,14 @@ def _freed(problem: Problem, state: State, stage: Stage) -> State:
 
 def _held(problem: Problem, state: State) -> tuple[State, str]:
     """The world as it is most probably held, and by what."""
-    wanted, errors = problem.settings.hold, problem.settings.rig_errors
+    wanted, deviations = problem.settings.hold, problem.deviations
     if wanted != "auto":
         return held_by(problem, state, wanted), wanted
     on_feet, on_cameras = held_by(problem, state, "feet"), held_by(problem, state, "cameras")
     if not problem.frame.grounded.any():
         return on_cameras, "cameras"
-    alone = gauge.rig_misfit(on_cameras.freedoms, errors)
-    together = gauge.rig_misfit(on_feet.freedoms, errors) - alone
+    alone = gauge.rig_misfit(on_cameras.freedoms, deviations)
+    together = gauge.rig_misfit(on_feet.freedoms, deviations) - alone
     freedoms = 6 * len(on_feet.freedoms)
     chance = max(alone / (freedoms - 6), BY_CHANCE)
     return (on_cameras, "cameras") if together / 6.0 > TOGETHER * chance else (on_feet, "feet")

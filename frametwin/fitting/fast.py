@@ -94,7 +94,7 @@ def _uncertainty(found: Consistent, rods: Rods) -> Uncertainty:
         rods.radius[:, 0],
         float(np.median(found.misfit.total[found.used])),
         presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage)),
-        gauge.world_deviation(problem.elastic, problem.settings.rig_errors, int(found.used.sum()), found.holds),
+        gauge.world_deviation(problem.elastic, problem.deviations, found.holds),
     )
 
 
@@ -103,5 +103,6 @@ def _views(found: Consistent) -> ViewsFit:
     cameras = np.zeros((len(found.used), FREEDOMS))
     if found.state.cameras is not None:
         cameras[found.used] = found.state.cameras
-    sigmas = np.abs(cameras / found.problem.settings.rig_errors.deviations()).max(axis=1)
+    sigmas = np.zeros(len(found.used))
+    sigmas[found.used] = np.abs(cameras[found.used] / found.problem.deviations).max(axis=1)
     return ViewsFit(cameras, sigmas, found.used, found.misfit.unexplained, found.misfit.unseen, found.holds)

@@ -113,7 +113,7 @@ class FastSettings(Changeable):
     leave_out_views : whether views that disagree with all others are left out.
     hold : one of `HOLDS`: what holds the world when cameras move. ``feet`` on the plate, the ``cameras``, or ``auto``:
         the feet, unless all cameras would have to have moved together for it.
-    rig_errors : standard deviations of what the rig says.
+    rig_errors : standard deviations of cameras whose calibration does not say how well they are known.
 
     Raises
     ------

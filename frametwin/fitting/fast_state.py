@@ -9,7 +9,14 @@ from time import perf_counter
 import numpy as np
 
 from frametwin.cameras import Camera
-from frametwin.fitting.camera_freedoms import FREEDOMS, CameraPrior, CameraTerms, camera_terms, with_cameras
+from frametwin.fitting.camera_freedoms import (
+    FREEDOMS,
+    CameraPrior,
+    CameraTerms,
+    camera_terms,
+    rig_deviations,
+    with_cameras,
+)
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.levels import Levels
@@ -36,6 +43,8 @@ class Problem:
     levels : Levels
         Its pictures.
     settings : FastSettings
+    deviations : (N, 10) array
+        How well each camera is known; see `frametwin.fitting.camera_freedoms.rig_deviations`.
     callback : ProgressCallback or None
         Told of every step.
     """
@@ -44,6 +53,7 @@ class Problem:
     elastic: ElasticFrame
     levels: Levels
     settings: FastSettings
+    deviations: np.ndarray
     callback: ProgressCallback | None
 
     @classmethod
@@ -56,7 +66,8 @@ class Problem:
         callback: ProgressCallback | None,
     ) -> Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
-        return cls(frame, ElasticFrame(frame), Levels(frame, Pyramid(cameras, masks)), settings, callback)
+        levels = Levels(frame, Pyramid(cameras, masks))
+        return cls(frame, ElasticFrame(frame), levels, settings, rig_deviations(cameras, settings.rig_errors), callback)
 
     @property
     def steps(self) -> int:
@@ -76,7 +87,7 @@ class Problem:
     @property
     def prior(self) -> CameraPrior:
         """What is known of the cameras before any picture is looked at."""
-        return CameraPrior.of(self.levels.view_count, self.settings.rig_errors)
+        return CameraPrior.of(self.deviations)
 
     def exact_cameras(self) -> np.ndarray:
         """(N, 10) freedoms of cameras that are where the rig has them."""
@@ -84,7 +95,7 @@ class Problem:
 
     def of_views(self, chosen: np.ndarray) -> Problem:
         """The same with some of the views alone."""
-        return replace(self, levels=self.levels.of_views(chosen))
+        return replace(self, levels=self.levels.of_views(chosen), deviations=self.deviations[chosen])
 
 
 @dataclass(frozen=True, eq=False)

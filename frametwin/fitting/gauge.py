@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from frametwin.fitting.camera_freedoms import SHIFT, TURN, RigErrors
+from frametwin.fitting.camera_freedoms import SHIFT, TURN
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.motion import Pose
 from frametwin.geometry import bezier
@@ -21,6 +21,9 @@ FEET = 0.05
 
 LENGTH = 1e-3
 """Standard deviation of the common factor of all struts' lengths."""
+
+POSE = slice(0, 6)
+"""A camera's turns and shifts among its freedoms."""
 
 ROUNDS = 8
 
@@ -72,13 +75,14 @@ def held_world(
     pose: Pose,
     packed: np.ndarray,
     freedoms: np.ndarray,
-    errors: RigErrors,
+    deviations: np.ndarray,
     feet: float | None = FEET,
 ) -> Similarity:
     """The similarity that brings print and cameras to where feet, cameras and lengths most probably are.
 
     Gauss-Newton over the seven freedoms of a similarity; feet with Huber's weights, so that one that is hidden or came
-    off the plate does not carry the others along. ``feet`` ``None`` leaves them out.
+    off the plate does not carry the others along. ``feet`` ``None`` leaves them out; ``deviations`` (N, 10) are the
+    cameras' own.
     """
     total = IDENTITY
     frame = elastic.frame
@@ -94,8 +98,8 @@ def held_world(
             rows.append((_by_similarity(now) * weight[:, None, None]).reshape(-1, 7))
             values.append(((now - planned) * weight[:, None]).ravel())
         own = moved_rig(packed, freedoms, total)
-        rows.append(_by_camera(packed, own, errors))
-        values.append(np.column_stack([own[:, TURN] / np.deg2rad(errors.turn), own[:, SHIFT] / errors.shift]).ravel())
+        rows.append(_by_camera(packed, own, deviations))
+        values.append((own[:, POSE] / deviations[:, POSE]).ravel())
         rows.append(np.array([[0.0] * 6 + [1.0 / LENGTH]]))
         values.append(np.array([(np.log(total.scale) + np.log(ratio)) / LENGTH]))
         step = -np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=None)[0]
@@ -126,27 +130,26 @@ def _by_similarity(points: np.ndarray) -> np.ndarray:
     return result
 
 
-def _by_camera(packed: np.ndarray, freedoms: np.ndarray, errors: RigErrors) -> np.ndarray:
+def _by_camera(packed: np.ndarray, freedoms: np.ndarray, deviations: np.ndarray) -> np.ndarray:
     """(6N, 7) cameras' turns and shifts, each over its standard deviation, by the similarity."""
     own = packed[:, :9].reshape(-1, 3, 3)
     centres = -np.einsum("vca,vc->va", own, packed[:, 9:12]) + freedoms[:, SHIFT]
     result = np.zeros((len(packed), 6, 7))
-    result[:, :3, 3:6] = -own / np.deg2rad(errors.turn)
-    result[:, 3:] = _by_similarity(centres) / errors.shift
-    return result.reshape(-1, 7)
+    result[:, :3, 3:6] = -own
+    result[:, 3:] = _by_similarity(centres)
+    return (result / deviations[:, POSE, None]).reshape(-1, 7)
 
 
-def rig_misfit(freedoms: np.ndarray, errors: RigErrors) -> float:
+def rig_misfit(freedoms: np.ndarray, deviations: np.ndarray) -> float:
     """Squared corrections of all cameras' poses over their variances: about 6 a camera if the rig errs as stated."""
-    scaled = np.column_stack([freedoms[:, TURN] / np.deg2rad(errors.turn), freedoms[:, SHIFT] / errors.shift])
-    return float(np.square(scaled).sum())
+    return float(np.square(freedoms[:, POSE] / deviations[:, POSE]).sum())
 
 
-def world_deviation(elastic: ElasticFrame, errors: RigErrors, views: int, holds: str) -> np.ndarray:
+def world_deviation(elastic: ElasticFrame, deviations: np.ndarray, holds: str) -> np.ndarray:
     """(E,) mm: standard deviation of where the world is held, at the middle of each strut.
 
     An exact rig holds it exactly; feet hold it by their own deviation and that of the common length; cameras, each by
-    itself, by a share of their shifts.
+    itself, by a share of their shifts. ``deviations`` (N, 10) are those of the cameras that were used.
     """
     frame = elastic.frame
     if holds == "rig":
@@ -154,5 +157,6 @@ def world_deviation(elastic: ElasticFrame, errors: RigErrors, views: int, holds:
     middle = frame.vertices[frame.edges].mean(axis=1)
     standing = frame.vertices[frame.grounded] if frame.grounded.any() else frame.vertices
     reach = np.linalg.norm(middle - standing.mean(axis=0), axis=1)
-    at = FEET / np.sqrt(len(standing)) if holds == "feet" else errors.shift / np.sqrt(views)
+    shift = float(np.sqrt(np.square(deviations[:, SHIFT]).mean()))
+    at = FEET / np.sqrt(len(standing)) if holds == "feet" else shift / np.sqrt(len(deviations))
     return np.hypot(at, LENGTH * reach)
