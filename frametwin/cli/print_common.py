@@ -19,6 +19,8 @@ KINDS = (
     "wrong-batch",
     "collapsed",
     "poor-fit",
+    "wrong-twin",
+    "camera-moved",
     "displacement",
     "lost-struts",
     "low-confidence",

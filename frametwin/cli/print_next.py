@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from frametwin.cli.calibrate_common import Place
 from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option
 from frametwin.cli.display import Display
 from frametwin.cli.print_common import accept_option
+from frametwin.errors import InputError
 from frametwin.wording import shortened
 
 if TYPE_CHECKING:
     from frametwin.printing.job.job import PrintJob
+    from frametwin.printing.job.raw_pictures import RawPictures
 
 
 def reprint_option(function: Any) -> Any:
@@ -74,6 +77,13 @@ def next_command(
 @accept_option
 @reprint_option
 @click.option(
+    "--rig", type=FOLDER, help="Folders of CAPTURES hold raw pictures, named after the cameras of this calibrated rig."
+)
+@click.option(
+    "--base", type=Place(), help="With --rig: where the plan's origin stands in the robot's base.  [default: 0,0,0]"
+)
+@click.option("--background", type=FOLDER, metavar="PICTURES", help="With --rig: the same views before printing.")
+@click.option(
     "--every", type=click.FloatRange(0.05, 3600.0), default=0.5, show_default=True, help="Seconds between two looks."
 )
 @quiet_option
@@ -83,6 +93,9 @@ def watch_command(
     captures: Path,
     accept: tuple[str, ...],
     reprint: bool | None,
+    rig: Path | None,
+    base: tuple[float, ...] | None,
+    background: Path | None,
     every: float,
     quiet: bool,
     as_json: bool,
@@ -94,26 +107,44 @@ def watch_command(
     it changes; nothing is printed on meanwhile. Ctrl-C stops at once, and the same command goes on. The exit code is 0
     when the print is finished, whatever was passed over, and 130 after Ctrl-C.
 
+    With --rig a folder is taken when it holds a picture of each of the rig's cameras: whatever takes the pictures only
+    has to save them.
+
     \b
-    Example:
+    Examples:
       frametwin print watch out/job out/captures
+      frametwin print watch out/job shots --rig rig --base 400,0,20 --background before
     """
     from frametwin.printing.job.answer import AnswerOptions
     from frametwin.printing.job.job import PrintJob
     from frametwin.printing.job.summaries import answer_summary
     from frametwin.printing.job.watch import Watch
 
+    raw = _raw_pictures(rig, base, background)
     work = PrintJob(job)
     options = AnswerOptions(accept=frozenset(accept), reprint=reprint)
     say = (lambda sentence: None) if quiet else (lambda sentence: click.echo(sentence, err=True))
     with Display(quiet=True) as display:
-        reports = Watch(work, captures, options, say=say, progress=display, poll=every).run()
+        reports = Watch(work, captures, options, say=say, progress=display, poll=every, raw=raw).run()
     if as_json:
         print_json({"job": job, "answered": [answer_summary(work, report) for report in reports]})
         return
     from frametwin.cli.print_status import tell_status
 
     tell_status(work)
+
+
+def _raw_pictures(rig: Path | None, base: tuple[float, ...] | None, background: Path | None) -> RawPictures | None:
+    if rig is None:
+        for name, value in (("--base", base), ("--background", background)):
+            if value is not None:
+                raise InputError.at(name, "rig", "is missing", "give --rig too: captures hold their own cameras")
+        return None
+    from frametwin.calibration.placement import standing_at
+    from frametwin.cameras.rig_file import read_rig
+    from frametwin.printing.job.raw_pictures import RawPictures
+
+    return RawPictures(read_rig(rig), None if base is None else standing_at(base), background)
 
 
 def answer_facts(job: PrintJob, report: dict[str, Any]) -> list[tuple[str, str]]:

@@ -61,6 +61,13 @@ from frametwin.cli.print_common import Formats, Numbers, loop_options, order_opt
     " refused too (by compas_fab where that is installed).",
 )
 @click.option("--speed", type=Positive(), help="Of the tool's tip while it lays a strut, in mm/s.  [default: 5]")
+@click.option(
+    "--cameras",
+    type=click.Choice(("auto", "exact")),
+    default="auto",
+    show_default=True,
+    help="Find cameras along with each batch where the pictures ask for it, or take them as they are.",
+)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the search for an order.")
 @overwrite_option("JOB")
 @quiet_option

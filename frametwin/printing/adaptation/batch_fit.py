@@ -11,21 +11,22 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from frametwin.cameras import Camera
-from frametwin.fields.base import enlarged_box
+from frametwin.fields.base import DeformationField, enlarged_box
 from frametwin.fields.lattice import LatticeField
 from frametwin.fitting.api import FitResult, fit_views
+from frametwin.fitting.camera_corrections import as_found
 from frametwin.fitting.fast_settings import Stage
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.adapt import lost_struts
 from frametwin.printing.adaptation.evidence import Pictures
 from frametwin.progress import ProgressCallback
+from frametwin.twin.twin import Twin
 
-AS_GIVEN: dict[str, Any] = {"cameras": "exact", "leave_out_views": False}
-"""A job judges its views and cameras itself, batch by batch and against the rig that it was begun with; a fit that
-moved cameras would hide from it that one was touched."""
+EVERY_VIEW: dict[str, Any] = {"leave_out_views": False}
+"""A job judges its views itself, batch by batch: pictures of another moment are a reason to stop."""
 
 WARM: dict[str, Any] = {
-    **AS_GIVEN,
+    **EVERY_VIEW,
     "refine": (
         Stage(detail=0.9, blur=1.5, iterations=2, pieces=4, pull=0.12, drag=1.2),
         Stage(detail=0.9, blur=1.0, iterations=2, pieces=4, pull=0.12, drag=0.4),
@@ -70,6 +71,16 @@ class BatchFit:
     start: str
     seconds: float
 
+    @property
+    def twin(self) -> Twin:
+        """The twin of the whole frame."""
+        return self.result.twin
+
+    @property
+    def field(self) -> DeformationField:
+        """The field that moved it."""
+        return self.result.field
+
 
 def fit_batch(
     expected: Wireframe,
@@ -77,6 +88,7 @@ def fit_batch(
     masks: Sequence[np.ndarray],
     *,
     warm: bool = True,
+    freedom: str = "exact",
     progress: ProgressCallback | None = None,
 ) -> BatchFit:
     """Find the twin of a batch.
@@ -92,24 +104,29 @@ def fit_batch(
         Start from the plan as it is. Struts that are then not found, or pictures that are not explained, are taken for
         a reason to start afresh; the twin that explains the pictures better is given back.
 
+    freedom
+        ``auto`` lets cameras move within the errors of their rig where the pictures ask for it, ``exact`` does not; as
+        the setting ``cameras`` of the preset ``fast``.
+
     Raises
     ------
     Cancelled
         If ``progress`` returns ``False``.
     """
+    afresh = {**EVERY_VIEW, "cameras": freedom}
     began = perf_counter()
     cameras, masks = cropped(expected, cameras, masks)
     # The matrices are small: threads of the linear algebra would wait for those of the splatter, and these for them.
     with threadpool_limits(limits=1, user_api="blas"):
         if not warm:
-            result = fit_views(expected, cameras, masks, changes=AS_GIVEN, callback=progress)
+            result = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
             return BatchFit(result, "cold", perf_counter() - began)
         still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
-        result, start = fit_views(expected, cameras, masks, changes=WARM, start=still, callback=progress), "warm"
-        pictures = Pictures(expected, cameras, masks)
-        if _is_doubtful(pictures, expected, result):
-            other = fit_views(expected, cameras, masks, changes=AS_GIVEN, callback=progress)
-            result = min((result, other), key=lambda found: _disagreement(pictures, expected, found))
+        changes = {**WARM, "cameras": freedom}
+        result, start = fit_views(expected, cameras, masks, changes=changes, start=still, callback=progress), "warm"
+        if _is_doubtful(pictures_through(expected, cameras, masks, result.twin), expected, result):
+            other = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
+            result = min((result, other), key=lambda found: _disagreement(expected, cameras, masks, found))
             start = "warm, then cold"
     return BatchFit(result, start, perf_counter() - began)
 
@@ -125,8 +142,18 @@ def _is_doubtful(pictures: Pictures, expected: Wireframe, result: FitResult) -> 
     )
 
 
-def _disagreement(pictures: Pictures, expected: Wireframe, result: FitResult) -> float:
+def pictures_through(
+    expected: Wireframe, cameras: Sequence[Camera], masks: Sequence[np.ndarray], twin: Twin
+) -> Pictures:
+    """The pictures seen through the cameras where a twin found them to be."""
+    return Pictures(expected, as_found(cameras, twin.cameras), masks)
+
+
+def _disagreement(
+    expected: Wireframe, cameras: Sequence[Camera], masks: Sequence[np.ndarray], result: FitResult
+) -> float:
     """How badly a twin fits the pictures: share that does not match, and share of the struts that it misses."""
+    pictures = pictures_through(expected, cameras, masks, result.twin)
     missing = len(lost_struts(expected, result.twin)) / int(expected.printed.sum())
     return pictures.evidence(expected, result.twin).mismatch + missing
 

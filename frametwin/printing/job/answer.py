@@ -13,16 +13,18 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.errors import Doubt, InputError
+from frametwin.fields.base import DeformationField
 from frametwin.files import PathLike, write_json
 from frametwin.fitting.api import FitResult, write_run
+from frametwin.fitting.photo_fit import fit_by_turns
 from frametwin.formats import frame_json
 from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.imaging.masks import read_masks
+from frametwin.imaging.view_masks import read_view_masks
 from frametwin.printing.adaptation.adapt import adapt, lost_struts
-from frametwin.printing.adaptation.batch_fit import BatchFit, cropped, fit_batch
+from frametwin.printing.adaptation.batch_fit import BatchFit, cropped, fit_batch, pictures_through
 from frametwin.printing.adaptation.compensation import SagForecast, compensate
-from frametwin.printing.adaptation.evidence import Evidence, Pictures
+from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import guards
@@ -42,7 +44,7 @@ ACCEPTABLE = (*guards.KINDS, "contact")
 """What can be accepted by name."""
 
 
-ALSO_OF_LATER_PICTURES = ("collapsed", "poor-fit", "displacement")
+ALSO_OF_LATER_PICTURES = ("collapsed", "poor-fit", "wrong-twin", "camera-moved", "displacement")
 """Doubts that pictures of a later batch raise too: a twin of fewer struts than the pictures show may go anywhere."""
 
 
@@ -137,13 +139,18 @@ class Continuation:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """The twin of a batch, the plan that meets it, and how well the pictures bear it out."""
+    """The twin of a batch, the plan that meets it, and how well the pictures bear it out.
+
+    ``cameras`` are those that were used, ``masks`` theirs; ``left_out`` are the others, with the reasons why their
+    pictures could not be used.
+    """
 
     cameras: Sequence[Camera]
     masks: Sequence[np.ndarray]
     fit: BatchFit
     adapted: Wireframe
     evidence: Evidence
+    left_out: Mapping[str, str]
     seconds: Mapping[str, float]
 
 
@@ -207,21 +214,32 @@ def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progr
     """Read the pictures, find the twin, and move what is still to come."""
     laps = [perf_counter()]
     frame = step.expected.frame
-    whole = [view.camera.without_distortion() for view in taken.capture.views]
-    cameras, masks = cropped(frame, whole, read_masks(taken.capture, progress))
+    freedom = step.settings.cameras
+
+    def fitted(
+        cameras: list[Camera], pictures: list[np.ndarray], start: DeformationField | None, exact: bool
+    ) -> BatchFit:
+        chosen = "exact" if exact else freedom
+        return fit_batch(frame, cameras, pictures, warm=options.warm, freedom=chosen, progress=progress)
+
+    seen = read_view_masks(taken.capture, progress=progress)
     laps.append(perf_counter())
-    fit = fit_batch(frame, cameras, masks, warm=options.warm, progress=progress)
+    looked = fit_by_turns(taken.capture, seen, fitted)
+    fit, used = looked.result, [i for i, mask in enumerate(looked.masks) if mask.used]
+    whole = [taken.capture.views[i].camera.without_distortion() for i in used]
+    cameras, masks = cropped(frame, whole, [looked.masks[i].coverage for i in used])
     result = _described(fit, taken)
     laps.append(perf_counter())
     adapted = adapt(frame, result.twin, result.field)
     laps.append(perf_counter())
     following = step.expected.next_struts
     others = None if following is None else _struts_of(adapted, following.struts)
-    evidence = Pictures(frame, cameras, masks).evidence(frame, result.twin, others)
+    evidence = pictures_through(frame, cameras, masks, result.twin).evidence(frame, result.twin, others)
     laps.append(perf_counter())
     names = ("read", "twin", "adapt", "guards")
     seconds = dict(zip(names, np.diff(laps).tolist(), strict=True))
-    return _Found(cameras, masks, dataclasses.replace(fit, result=result), adapted, evidence, seconds)
+    left_out = {taken.capture.views[i].camera.name: mask.reason for i, mask in enumerate(looked.masks) if not mask.used}
+    return _Found(cameras, masks, dataclasses.replace(fit, result=result), adapted, evidence, left_out, seconds)
 
 
 def _described(fit: BatchFit, taken: BatchCapture) -> FitResult:
@@ -283,9 +301,9 @@ def _shows_next_batch(step: AnsweredStep, found: _Found) -> bool:
     printed = step.expected.frame.printed.copy()
     printed[following.struts] = True
     later = step.expected.frame.replace(printed=printed)
-    twin = fit_batch(later, found.cameras, found.masks).result.twin
+    twin = fit_batch(later, found.cameras, found.masks, freedom=step.settings.cameras).result.twin
     absent = np.isin(following.struts, lost_struts(later, twin)).mean()
-    mismatch = Pictures(later, found.cameras, found.masks).evidence(later, twin).mismatch
+    mismatch = pictures_through(later, found.cameras, found.masks, twin).evidence(later, twin).mismatch
     return bool(absent < limits.elsewhere and mismatch < min(limits.mismatch, found.evidence.mismatch))
 
 
@@ -330,6 +348,8 @@ def _twin_content(step: AnsweredStep, found: _Found) -> dict[str, Any]:
         "twin": {
             "start": found.fit.start,
             "mismatch": found.evidence.mismatch,
+            "verdict": dataclasses.asdict(twin.verdict),
+            "left_out": dict(found.left_out),
             "missing": missing_struts(twin, printed),
             "uncertain": uncertain_struts(twin, printed),
             "largest_displacement": largest_deviation(frame.control_points[printed], twin.control_points[printed]),

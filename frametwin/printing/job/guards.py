@@ -10,6 +10,7 @@ import numpy as np
 
 from frametwin.errors import Doubt, Held
 from frametwin.files import PathLike
+from frametwin.fitting.judgement import FAR
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.job.batch_capture import BatchCapture
@@ -18,9 +19,20 @@ from frametwin.ranges import above, between, check_settings, within
 from frametwin.raster.silhouette import silhouettes
 from frametwin.twin.findings import DARK
 from frametwin.twin.twin import Twin
+from frametwin.twin.verdict import WRONG
 from frametwin.wording import enumerated, listed
 
-KINDS = ("old-capture", "wrong-batch", "collapsed", "poor-fit", "displacement", "lost-struts", "low-confidence")
+KINDS = (
+    "old-capture",
+    "wrong-batch",
+    "collapsed",
+    "poor-fit",
+    "wrong-twin",
+    "camera-moved",
+    "displacement",
+    "lost-struts",
+    "low-confidence",
+)
 """Why a job may stop; each can be accepted by name."""
 
 NEAR_SHARE, NEAR_RADII = 0.15, 1.5
@@ -210,6 +222,7 @@ def doubts_of_twin(
         problem += f" {evidence.contradicted:.0%} of it lies on black"
         remedy = "look at the pictures, the lights and the cameras' calibration"
         doubts.append(Doubt("poor-fit", problem, remedy))
+    doubts += doubts_of_verdict(twin)
     joints = adapted.printed_vertices()
     way = np.linalg.norm(twin.vertices[joints] - expected.frame.vertices[joints], axis=1).max(initial=0.0)
     length = float(np.median(expected.frame.lengths))
@@ -219,6 +232,22 @@ def doubts_of_twin(
         )
         remedy = "look whether the print has collapsed, and whether the pictures are those of this print"
         doubts.append(Doubt("displacement", problem, remedy))
+    return doubts
+
+
+def doubts_of_verdict(twin: Twin) -> list[Doubt]:
+    """What the fit itself holds against its twin, and cameras that are not where the rig has them any more."""
+    doubts = []
+    if twin.verdict.status == WRONG:
+        remedy = "look at the pictures, and at the cameras' calibration"
+        doubts.append(Doubt("wrong-twin", f"the twin is called wrong: {twin.verdict.reasons[0]}", remedy))
+    moved = [camera for camera in twin.cameras if camera["sigmas"] > FAR]
+    if moved:
+        worst = max(moved, key=lambda camera: float(camera["sigmas"]))
+        others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
+        problem = f"{worst['name']}{others} stand far from where they were calibrated, by up to"
+        problem += f" {worst['sigmas']:.0f} standard deviations"
+        doubts.append(Doubt("camera-moved", problem, "look whether a camera was moved, and calibrate again"))
     return doubts
 
 

@@ -23,7 +23,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -32,9 +32,10 @@ from frametwin.arrays import checked_array
 from frametwin.checked_json import convert_fields, told_of
 from frametwin.errors import InputError
 from frametwin.files import check_format, file_hash, read_json, write_json
+from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.toolpath.robot_files import RobotSettings
-from frametwin.ranges import check_settings
+from frametwin.ranges import check_settings, one_of
 
 FORMAT = "frametwin-print-job"
 REPORT_FORMAT = "frametwin-print-report"
@@ -65,6 +66,9 @@ class JobSettings:
         Print against the sag that is still to come.
     reprint
         Lay lost struts again at the start of the next batch.
+    cameras
+        One of `CAMERAS`: ``auto`` finds cameras along with each batch, within the errors of their rig, where the
+        pictures ask for it; ``exact`` takes them as they are.
     limits
         When the job stops.
 
@@ -79,6 +83,7 @@ class JobSettings:
     anticipate: bool = False
     compensate: bool = False
     reprint: bool = False
+    cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     limits: GuardLimits = field(default_factory=GuardLimits)
 
     def __post_init__(self) -> None:
@@ -101,7 +106,7 @@ class JobSettings:
         InputError
             If a setting is missing, unknown or of another kind.
         """
-        data = {"anticipate": False, **data}  # planned before there was that choice
+        data = {"anticipate": False, "cameras": "exact", **data}  # planned before there were those choices
         missing = [item.name for item in fields(cls) if item.name not in data]
         if missing:
             raise InputError.at(source, f"settings.{missing[0]}", "is missing", "plan the job again")

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from frametwin.files import PathLike
+from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
@@ -22,7 +23,7 @@ from frametwin.printing.toolpath.robot_files import Formats, RobotSettings
 from frametwin.printing.toolpath.waypoints import WaypointSettings
 from frametwin.printing.toolpath.workspace import Workspace
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.ranges import Seed, Tilt, above, at_least, check_settings, check_values, in_words, sized, within
+from frametwin.ranges import Seed, Tilt, above, at_least, check_settings, check_values, in_words, one_of, sized, within
 from frametwin.twin.runs import require_free
 
 Coordinate = Annotated[float, within(-1e9, 1e9)]
@@ -58,7 +59,7 @@ class PlanOptions:
         Of the tip in mm/s.
     ur10e_tool
         See `frametwin.printing.toolpath.robot_files.RobotSettings`.
-    adapt, anticipate, compensate, reprint
+    adapt, anticipate, compensate, reprint, cameras
         See `JobSettings`; a job that does not adapt does not anticipate either.
     limits
         When the job stops.
@@ -85,6 +86,7 @@ class PlanOptions:
     anticipate: bool = True
     compensate: bool = False
     reprint: bool = False
+    cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     limits: GuardLimits = GuardLimits()
     seed: Seed = 0
 
@@ -117,6 +119,7 @@ class PlanOptions:
             anticipate=self.adapt and self.anticipate,
             compensate=self.compensate,
             reprint=self.reprint,
+            cameras=self.cameras,
             limits=self.limits,
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,9 @@ from frametwin.errors import Held, InputError
 from frametwin.files import PathLike, file_hash, read_json
 from frametwin.printing.job.answer import AnswerOptions
 from frametwin.printing.job.job import JobBusy, PrintJob
+from frametwin.printing.job.raw_pictures import NOTE, RawPictures
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.scratch import scratch_folder
 
 POLL = 0.5
 """Seconds between two looks. A folder counts as complete when nothing in it has changed from one look to the next."""
@@ -38,6 +40,8 @@ class Watch:
         See `ProgressCallback`; called at every look, and able to stop the watch.
     poll
         Seconds between looks.
+    raw
+        Where folders hold raw pictures of a rig and are no captures yet.
     """
 
     job: PrintJob
@@ -46,6 +50,7 @@ class Watch:
     say: Callable[[str], None] = lambda sentence: None
     progress: ProgressCallback | None = None
     poll: float = POLL
+    raw: RawPictures | None = None
 
     def __post_init__(self) -> None:
         self._done: set[str] = set()  # folders that were answered, in this run or an earlier one
@@ -91,7 +96,7 @@ class Watch:
     def _answer(self, folder: Path, batch: int) -> dict[str, Any] | None:
         signature = self._seen[folder.name]
         try:
-            answer = self.job.answer(folder, self.options, self.progress)
+            answer = self._answer_with(folder, batch)
         except (InputError, Held) as error:
             self._refused[folder.name] = (batch, signature)
             self._tell(f"{error} Not printing on.")
@@ -104,6 +109,15 @@ class Watch:
         self._tell(f"{folder.name} answers batch {answer['batch']}.")
         return answer
 
+    def _answer_with(self, folder: Path, batch: int) -> dict[str, Any]:
+        if self.raw is None:
+            return self.job.answer(folder, self.options, self.progress)
+        with scratch_folder() as scratch:
+            capture = scratch / folder.name
+            self.raw.write_capture(folder, self.job.expectation(batch).frame, capture)
+            notes = {**self.options.notes, NOTE: self.raw.note(folder)}
+            return self.job.answer(capture, replace(self.options, notes=notes), self.progress)
+
     def _next_capture(self, batch: int) -> tuple[Path | None, str]:
         """The first folder that is complete and new, or why the first new one is not taken yet."""
         why = ""
@@ -111,7 +125,7 @@ class Watch:
             name = folder.name
             if name.startswith(".") or name in self._done:
                 continue
-            missing, signature = _look(folder)
+            missing, signature = _look(folder, self.raw)
             before, self._seen[name] = self._seen.get(name), signature
             if missing:
                 why = why or f"{name} still lacks {missing}"
@@ -128,11 +142,17 @@ class Watch:
     def _answered_before(self, folder: Path) -> bool:
         """Whether an earlier run has answered these very pictures."""
         try:
-            digests = {file_hash(path) for path in _pictures(folder)}
+            wanted = _pictures(folder) if self.raw is None else self.raw.pictures(folder)
+            digests = {file_hash(path) for path in wanted}
         except (InputError, OSError):
             return False
-        earlier = [set(self.job.report(batch)["pictures"].values()) for batch in range(self.job.answered)]
-        return digests in earlier
+        return any(digests == self._answered_with(batch) for batch in range(self.job.answered))
+
+    def _answered_with(self, batch: int) -> set[str]:
+        """Hashes of the pictures that a batch was answered with, raw ones where they were."""
+        note = self.job.batch_folder(batch) / NOTE
+        told = read_json(note) if self.raw is not None and note.is_file() else self.job.report(batch)
+        return set(told["pictures"].values())
 
     def _tell(self, sentence: str) -> None:
         if sentence != self._said:
@@ -155,12 +175,14 @@ def check_captures_folder(path: PathLike) -> None:
         raise InputError.at(folder, "folder", "is itself a capture", "give the folder above it")
 
 
-def _look(folder: Path) -> tuple[str, Signature]:
-    """What a capture still lacks, empty for nothing, and the names, sizes and times of its files."""
+def _look(folder: Path, raw: RawPictures | None) -> tuple[str, Signature]:
+    """What a folder still lacks, empty for nothing, and the names, sizes and times of its files."""
     try:
         files = sorted(path for path in folder.rglob("*") if path.is_file())
         stats = [(path.relative_to(folder).as_posix(), path.stat()) for path in files]
         signature = tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)
+        if raw is not None:
+            return raw.lacking(folder), signature
         if not (folder / "transforms.json").is_file():
             return "transforms.json", signature
         wanted = _pictures(folder)
