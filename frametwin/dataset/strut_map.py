@@ -79,13 +79,16 @@ def _paint(
     ends = [left[struts, pieces], left[struts, pieces + 1], right[struts, pieces + 1], right[struts, pieces]]
     quads, centres = _fixed(np.stack(ends, axis=1)), _fixed(np.where(fine[..., None], middle, 0.0))
     caps = np.rint(np.where(fine, np.maximum(reach - _RIM, 0.0), 0.0) * 2**_SHIFT).astype(int)
+    padded = np.pad(fine, ((0, 0), (1, 1)))
+    is_end = fine & ~(padded[:, :-2] & padded[:, 2:])  # round there, as the sphere that is swept along the curve
     for k in np.argsort(-(depth[struts, pieces] + depth[struts, pieces + 1]), kind="stable"):
         e, s = struts[k], pieces[k]
         value = (float(values[e]),)
         cv2.fillConvexPoly(drawn, quads[k], value, cv2.LINE_8, _SHIFT)
-        for end in (s, s + 1):  # round, as a sphere that is swept along the curve leaves them
-            x, y = centres[e, end].tolist()
-            cv2.circle(drawn, (x, y), int(caps[e, end]), value, -1, cv2.LINE_8, _SHIFT)
+        for end in (s, s + 1):
+            if is_end[e, end]:
+                x, y = centres[e, end].tolist()
+                cv2.circle(drawn, (x, y), int(caps[e, end]), value, -1, cv2.LINE_8, _SHIFT)
 
 
 def _fixed(pixels: np.ndarray) -> np.ndarray:

@@ -66,7 +66,7 @@ class _Files:
         self.counts: dict[str, int] = {}
         self.columns: list[str] = []
         self._places: dict[str, list[Path]] = {}
-        self._rows: list[dict[str, Any]] = []
+        self._rows: list[Any] = []  # tables of one row
         self._waiting = self._size = 0.0
         self._part = ""
         self._writer: Any = None
@@ -76,10 +76,11 @@ class _Files:
     def add(self, sample: LearningSample) -> None:
         """Write a sample behind the last one."""
         row = _row(sample)
-        size = _size_of(row)
+        columns = {name: _column(self._arrow, name, value) for name, value in row.items()}
+        size = sum(column.nbytes for column in columns.values())
         if self._writer is None or self._part != sample.part or self._size + size > self.limit:
             self._begin(sample.part, row)
-        self._rows.append(row)
+        self._rows.append(self._arrow.Table.from_pydict(columns, schema=self._writer.schema))
         self._waiting, self._size = self._waiting + size, self._size + size
         self.counts[sample.part] = self.counts.get(sample.part, 0) + 1
         if self._waiting > ROW_GROUP_BYTES:
@@ -116,12 +117,12 @@ class _Files:
 
     def _write_rows(self) -> None:
         if self._rows:
-            self._writer.write_table(self._arrow.Table.from_pylist(self._rows, schema=self._writer.schema))
+            self._writer.write_table(self._arrow.concat_tables(self._rows))
         self._rows, self._waiting = [], 0.0
 
 
 def _row(sample: LearningSample) -> dict[str, Any]:
-    """The columns of a sample as plain lists."""
+    """The columns of a sample: values, lists of pictures, and arrays."""
     row: dict[str, Any] = {name: sample.facts[name] for name in (*NUMBERS, *TEXTS, "views")}
     row["images"] = _listed(sample.images, sample.name)
     row["masks"] = _listed(sample.masks, sample.name)
@@ -130,7 +131,7 @@ def _row(sample: LearningSample) -> dict[str, Any]:
     if sample.passes:
         row["depth"] = _listed([_depth_file(p) for p in sample.passes["depth"]], sample.name)
         row["strut"] = _listed([_strut_file(p) for p in sample.passes["strut"]], sample.name)
-    return row | {name: array.tolist() for name, array in sample.arrays.items()}
+    return row | sample.arrays
 
 
 def _listed(pictures: list[EncodedPicture], sample: str) -> list[dict[str, Any]]:
@@ -149,14 +150,15 @@ def _strut_file(strut: np.ndarray) -> EncodedPicture:
     return EncodedPicture("strut.png", data.tobytes())
 
 
-def _size_of(row: dict[str, Any]) -> float:
-    """About how large a row is in bytes; numbers have four each."""
-
-    def count(value: Any) -> int:
-        return sum(count(item) for item in value) if isinstance(value, list) else 4
-
-    pictures = sum(len(item["bytes"]) for name in PICTURES for item in row.get(name, []))
-    return pictures + sum(count(value) for name, value in row.items() if name not in PICTURES)
+def _column(arrow: Any, name: str, value: Any) -> Any:
+    """A column of one row; lists within lists are made of an array without going through Python's numbers."""
+    if not isinstance(value, np.ndarray):
+        return arrow.array([value], type=_arrow_type(arrow, _feature(name)))
+    values = arrow.array(value.ravel())
+    for length in reversed(value.shape):
+        offsets = arrow.array(np.arange(0, len(values) + 1, length, dtype=np.int32))
+        values = arrow.ListArray.from_arrays(offsets, values)
+    return values
 
 
 def _feature(name: str) -> dict[str, Any]:
