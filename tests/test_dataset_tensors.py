@@ -186,6 +186,16 @@ def test_painted_strut_maps_are_those_of_the_exact_silhouettes(folder: Path) -> 
             assert (drawn == exact)[both].mean() > 0.9  # the rest lies in joints
 
 
+def test_the_documentation_lists_every_tensor() -> None:
+    page = (ROOT / "docs" / "datasets.md").read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:3] == "| `"]
+    found = {row[0].strip("`"): row[1:] for row in rows if len(row) == 6}
+    for name, kind in KINDS.items():
+        shape = ", ".join(str(axis) for axis in kind.shape)
+        assert found.pop(name) == [kind.part, shape, kind.dtype, kind.unit, kind.what]
+    assert not found
+
+
 # --- batches
 
 
