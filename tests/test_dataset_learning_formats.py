@@ -318,6 +318,38 @@ def test_pycolmap_reads_the_text_model(photos: Path, tmp_path: Path, unit: str |
             np.testing.assert_allclose(seen, pixels, atol=1e-6)
 
 
+# --- nerfstudio
+
+
+def test_nerfstudio_sends_its_rays_through_the_print(photos: Path, tmp_path: Path) -> None:
+    """Where nerfstudio is installed; it needs other versions of much else, so it is not among what tests install."""
+    parser = pytest.importorskip("nerfstudio.data.dataparsers.nerfstudio_dataparser")
+    export_dataset(photos, tmp_path / "out", ExportSettings("nerfstudio"))
+    for index in (0, 1):
+        capture = read_capture(sample_folder(photos, index))
+        assert capture.truth is not None
+        config = parser.NerfstudioDataParserConfig(
+            data=tmp_path / "out" / f"{index:06d}",
+            orientation_method="none",
+            center_method="none",
+            auto_scale_poses=False,
+            eval_mode="all",
+            downscale_factor=1,
+            load_3D_points=False,
+        )
+        outputs = config.setup().get_dataparser_outputs("train")
+        names = [path.name for path in outputs.image_filenames]
+        assert sorted(names) == sorted(view.image.path.name for view in capture.views)
+        for n, name in enumerate(names):
+            (camera,) = (view.camera for view in capture.views if view.image.path.name == name)
+            pixels, _ = camera.project(capture.truth.vertices)
+            places = torch.tensor(pixels[:, ::-1].copy(), dtype=torch.float32)  # rows first
+            rays = outputs.cameras.generate_rays(torch.full((len(places), 1), n), coords=places)
+            ways = 1e-3 * capture.truth.vertices - rays.origins.numpy()
+            ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+            np.testing.assert_allclose(rays.directions.numpy(), ways, atol=1e-5)
+
+
 # --- all of them
 
 
