@@ -9,7 +9,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from frametwin.dataset.exports.dataset_card import CARD_FILE, card_text
@@ -19,6 +18,7 @@ from frametwin.dataset.exports.settings import ExportSettings
 from frametwin.dataset.folder import Dataset
 from frametwin.dataset.tensor_kinds import KINDS
 from frametwin.files import write_text
+from frametwin.imaging.encoding import png_of_16_bits, tiff_of_floats
 from frametwin.progress import ProgressCallback
 
 ROW_GROUP_BYTES = 32e6
@@ -27,8 +27,6 @@ ROW_GROUP_BYTES = 32e6
 TEXTS, NUMBERS = ("frame", "content", "unit"), ("index", "scene")
 PICTURES = ("images", "masks", "backgrounds", "depth", "strut")
 """Columns with a list of pictures, one for each view."""
-
-_DEFLATE = 8  # compression of TIFF, Adobe's number
 
 
 def check_parquet() -> None:
@@ -140,14 +138,12 @@ def _listed(pictures: list[EncodedPicture], sample: str) -> list[dict[str, Any]]
 
 def _depth_file(depth: np.ndarray) -> EncodedPicture:
     """(H, W) float32 as a TIFF of one channel, which keeps every digit, and infinity."""
-    _, data = cv2.imencode(".tiff", depth, [cv2.IMWRITE_TIFF_COMPRESSION, _DEFLATE])
-    return EncodedPicture("depth.tiff", data.tobytes())
+    return EncodedPicture("depth.tiff", tiff_of_floats(depth))
 
 
 def _strut_file(strut: np.ndarray) -> EncodedPicture:
     """(H, W) int32 as a PNG of 16 bits, one more than the strut, as in the passes of a sample."""
-    _, data = cv2.imencode(".png", (strut + 1).astype(np.uint16))
-    return EncodedPicture("strut.png", data.tobytes())
+    return EncodedPicture("strut.png", png_of_16_bits((strut + 1).astype(np.uint16)))
 
 
 def _column(arrow: Any, name: str, value: Any) -> Any:
