@@ -24,7 +24,7 @@ from frametwin.dataset.exports.pictures import put_image
 from frametwin.dataset.exports.settings import UNITS, ExportSettings
 from frametwin.dataset.folder import Dataset
 from frametwin.dataset.strut_map import strut_map
-from frametwin.progress import ProgressCallback
+from frametwin.progress import Progress, ProgressCallback, report
 
 KEYPOINTS = 9
 STRUT, PRINT = 1, 2
@@ -58,7 +58,10 @@ def write_coco(
                 files[sample.part] = _Annotations(stage / "annotations" / f"{sample.part}.json", dataset, settings)
             for view in sample.capture.views:
                 put_image(view.image, stage / "images" / sample.name, settings.link)
-            files[sample.part].add(sample)
+            done = Progress("exporting samples", sum(counts.values()), len(dataset.samples))
+            for n in range(len(sample.images)):
+                report(progress, done)  # a picture of many struts takes a second
+                files[sample.part].add(sample, n)
             counts[sample.part] = counts.get(sample.part, 0) + 1
     finally:
         for file in files.values():
@@ -85,15 +88,14 @@ class _Annotations:
         }
         self._file.write(json.dumps(head)[:-1] + ', "annotations": [')
 
-    def add(self, sample: LearningSample) -> None:
-        """Write what is seen in all views of a sample."""
-        for n in range(len(sample.images)):
-            image = len(self._images) + 1
-            self._images.append(_image(sample, n, image))
-            for annotation in _annotations(sample, n):
-                self._file.write(",\n" if self._count else "\n")
-                self._count += 1
-                self._file.write(json.dumps({"id": self._count, "image_id": image, **annotation}, allow_nan=False))
+    def add(self, sample: LearningSample, n: int) -> None:
+        """Write what is seen in a view of a sample."""
+        image = len(self._images) + 1
+        self._images.append(_image(sample, n, image))
+        for annotation in _annotations(sample, n):
+            self._file.write(",\n" if self._count else "\n")
+            self._count += 1
+            self._file.write(json.dumps({"id": self._count, "image_id": image, **annotation}, allow_nan=False))
 
     def close(self) -> None:
         """Write the list of pictures behind, and end the file."""
