@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from frametwin.cameras import Camera
     from frametwin.cameras.rigs import dome_rig, ring_rig
     from frametwin.capture import Capture, View, read_cameras, read_capture, write_capture
+    from frametwin.dataset import CaptureDataset, collate_captures, split_indices
     from frametwin.errors import Cancelled, FrameTwinError, InputError
     from frametwin.evaluation.evaluate import Errors
     from frametwin.fields.base import DeformationField
@@ -39,6 +40,7 @@ _HOMES = {
     "Camera": "frametwin.cameras",
     "Cancelled": "frametwin.errors",
     "Capture": "frametwin.capture",
+    "CaptureDataset": "frametwin.dataset.tensors",
     "DeformationField": "frametwin.fields.base",
     "Errors": "frametwin.evaluation.evaluate",
     "FitResult": "frametwin.fitting.api",
@@ -55,6 +57,7 @@ _HOMES = {
     "View": "frametwin.capture",
     "Wireframe": "frametwin.geometry.wireframe",
     "answer_print": "frametwin.api.prints",
+    "collate_captures": "frametwin.dataset.tensors",
     "dome_rig": "frametwin.cameras.rigs",
     "evaluate": "frametwin.api.fits",
     "fit": "frametwin.api.fits",
@@ -70,6 +73,7 @@ _HOMES = {
     "ring_rig": "frametwin.cameras.rigs",
     "simulate": "frametwin.api.simulations",
     "simulate_print": "frametwin.api.prints",
+    "split_indices": "frametwin.dataset.splits",
     "uncertain_struts": "frametwin.twin.findings",
     "write_capture": "frametwin.capture",
     "write_frame": "frametwin.formats",
@@ -82,6 +86,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Capture",
+    "CaptureDataset",
     "DeformationField",
     "Errors",
     "FitResult",
@@ -99,6 +104,7 @@ __all__ = [
     "Wireframe",
     "__version__",
     "answer_print",
+    "collate_captures",
     "dome_rig",
     "evaluate",
     "fit",
@@ -114,6 +120,7 @@ __all__ = [
     "ring_rig",
     "simulate",
     "simulate_print",
+    "split_indices",
     "uncertain_struts",
     "write_capture",
     "write_frame",

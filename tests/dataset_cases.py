@@ -10,15 +10,18 @@ from typing import Any
 import click
 import cv2
 import numpy as np
+import OpenEXR
 from click.testing import CliRunner, Result
 
 from frametwin.capture.capture import read_capture
 from frametwin.cli.main import Commands
 from frametwin.dataset.fits import TABLE_FILE, FitRow
 from frametwin.dataset.folder import read_dataset, read_sample, sample_folder, write_dataset_json, write_sample_json
-from frametwin.dataset.true_curves import intervals_of
+from frametwin.dataset.true_curves import intervals_of, read_true_curves
+from frametwin.geometry import bezier
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.raster.silhouette import silhouettes
 from frametwin.simulation.curve_truth import curve_truth, write_curves
 from frametwin.simulation.simulate import SimulationSettings, simulate, write_simulation
 
@@ -107,3 +110,42 @@ def run_command(command: click.Command, *arguments: str | Path) -> Result:
     group = Commands("frametwin")
     group.get_command = lambda ctx, name: command if name == "it" else None  # type: ignore[method-assign]
     return CliRunner().invoke(group, ["it", *(str(argument) for argument in arguments)], prog_name="frametwin")
+
+
+def write_passes(folder: Path, change: Callable[[dict[str, np.ndarray]], None] = lambda channels: None) -> None:
+    """Passes of a sample: strut by strut, the nearest one wins; depths are those before the centreline."""
+    capture = read_capture(folder)
+    assert capture.truth is not None
+    curves, _ = read_true_curves(capture, capture.truth)
+    (folder / "passes").mkdir(exist_ok=True)
+    for view in capture.views:
+        camera = view.camera
+        depth = np.full((camera.height, camera.width), 1e10, dtype=np.float32)
+        strut = np.zeros_like(depth)
+        for e in np.flatnonzero(curves.intervals[:, 1] > curves.intervals[:, 0]):
+            alone = np.zeros_like(curves.intervals)
+            alone[e] = curves.intervals[e]
+            (mask,) = silhouettes(capture.truth, [camera], present=alone)
+            rows, columns = np.nonzero(mask)
+            if not rows.size:
+                continue
+            u = np.linspace(0.0, 1.0, 200)
+            points = bezier.evaluate(capture.truth.control_points[e], u)
+            pixels, along = camera.project(points)
+            places = np.stack([columns, rows], axis=1) + 0.5
+            near = np.linalg.norm(places[:, None] - pixels, axis=2).argmin(axis=1)
+            ray = points - camera.centre
+            tangent = np.gradient(points, axis=0)
+            sine = np.linalg.norm(np.cross(ray, tangent), axis=1) / np.linalg.norm(ray, axis=1)
+            sine = np.maximum(sine / np.linalg.norm(tangent, axis=1), 0.05)
+            found = (along - capture.truth.radius[e] / sine)[near]
+            nearer = found < depth[rows, columns]
+            depth[rows[nearer], columns[nearer]] = found[nearer]
+            strut[rows[nearer], columns[nearer]] = e + 1
+        normal = -camera.forward
+        channels = {"Depth.Z": depth, "Strut.X": strut}
+        channels |= {f"Normal.{axis}": np.full_like(depth, normal[i]) for i, axis in enumerate("XYZ")}
+        change(channels)
+        header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
+        named = {f"ViewLayer.{name}": values for name, values in channels.items()}
+        OpenEXR.File(header, named).write(str(folder / "passes" / f"{camera.name}.exr"))

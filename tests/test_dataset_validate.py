@@ -10,9 +10,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import OpenEXR
 import pytest
-from dataset_cases import edit_image, edit_json, make_dataset, note_again, run_command, write_true_curves
+from dataset_cases import (
+    edit_image,
+    edit_json,
+    make_dataset,
+    note_again,
+    run_command,
+    write_passes,
+    write_true_curves,
+)
 
 from frametwin.cameras import to_nerfstudio
 from frametwin.capture.capture import read_capture
@@ -21,7 +28,6 @@ from frametwin.dataset.folder import read_sample, sample_folder, write_sample_js
 from frametwin.dataset.true_curves import read_true_curves
 from frametwin.dataset.validate import validate_dataset, validate_sample
 from frametwin.errors import Cancelled
-from frametwin.geometry import bezier
 from frametwin.raster.silhouette import silhouettes
 
 
@@ -301,45 +307,6 @@ def test_failures_are_told_but_are_not_bad(dataset: Path) -> None:
     edit_json(dataset / "dataset.json", fail)
     result = run_command(validate_command, dataset, "--quiet")
     assert result.exit_code == 0 and "Sample 2 could not be made: Blender crashed" in result.stdout
-
-
-def write_passes(folder: Path, change: Callable[[dict[str, np.ndarray]], None] = lambda channels: None) -> None:
-    """Passes of a sample: strut by strut, the nearest one wins; depths are those before the centreline."""
-    capture = read_capture(folder)
-    assert capture.truth is not None
-    curves, _ = read_true_curves(capture, capture.truth)
-    (folder / "passes").mkdir(exist_ok=True)
-    for view in capture.views:
-        camera = view.camera
-        depth = np.full((camera.height, camera.width), 1e10, dtype=np.float32)
-        strut = np.zeros_like(depth)
-        for e in np.flatnonzero(curves.intervals[:, 1] > curves.intervals[:, 0]):
-            alone = np.zeros_like(curves.intervals)
-            alone[e] = curves.intervals[e]
-            (mask,) = silhouettes(capture.truth, [camera], present=alone)
-            rows, columns = np.nonzero(mask)
-            if not rows.size:
-                continue
-            u = np.linspace(0.0, 1.0, 200)
-            points = bezier.evaluate(capture.truth.control_points[e], u)
-            pixels, along = camera.project(points)
-            places = np.stack([columns, rows], axis=1) + 0.5
-            near = np.linalg.norm(places[:, None] - pixels, axis=2).argmin(axis=1)
-            ray = points - camera.centre
-            tangent = np.gradient(points, axis=0)
-            sine = np.linalg.norm(np.cross(ray, tangent), axis=1) / np.linalg.norm(ray, axis=1)
-            sine = np.maximum(sine / np.linalg.norm(tangent, axis=1), 0.05)
-            found = (along - capture.truth.radius[e] / sine)[near]
-            nearer = found < depth[rows, columns]
-            depth[rows[nearer], columns[nearer]] = found[nearer]
-            strut[rows[nearer], columns[nearer]] = e + 1
-        normal = -camera.forward
-        channels = {"Depth.Z": depth, "Strut.X": strut}
-        channels |= {f"Normal.{axis}": np.full_like(depth, normal[i]) for i, axis in enumerate("XYZ")}
-        change(channels)
-        header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
-        named = {f"ViewLayer.{name}": values for name, values in channels.items()}
-        OpenEXR.File(header, named).write(str(folder / "passes" / f"{camera.name}.exr"))
 
 
 PASS_DAMAGES: list[tuple[Callable[[dict[str, np.ndarray]], None], str | None]] = [

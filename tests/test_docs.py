@@ -14,6 +14,7 @@ from types import ModuleType
 import click
 import pytest
 import yaml
+from dataset_cases import make_dataset
 
 import frametwin
 from frametwin.cli.main import cli
@@ -113,11 +114,12 @@ def test_the_code_of_a_page_runs_from_top_to_bottom(
     simulate = frametwin.simulate
     monkeypatch.setattr(frametwin, "simulate", lambda frame, **settings: simulate(frame, size=(150, 200), **settings))
     frametwin.write_simulation("CAPTURE", frametwin.simulate("bridge"))
+    make_dataset(Path("out", "demo"))
     names: dict[str, object] = {}
     for block in (block for block in PYTHON if block.page == page):
         if "# needs " not in block.text:  # what nobody has here, such as the pictures of a real print
             exec(compile(block.text, str(block), "exec"), names)
-    assert Path("RUN", "twin.json").is_file()
+    assert Path("RUN", "twin.json").is_file() == ("write_run" in page.read_text(encoding="utf-8"))
 
 
 # --- commands

@@ -1,77 +1,55 @@
-"""Handing a dataset on to other programs: nerfstudio, COLMAP's text models, OBJ, and plain numpy arrays."""
+"""Handing a dataset on to other programs: reconstruction, drawing, numpy, and the data loaders of machine learning."""
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import numpy as np
-
-from frametwin.cameras import to_nerfstudio, write_colmap_text
-from frametwin.capture.capture import Capture, read_capture
-from frametwin.capture.picture import Picture
-from frametwin.dataset.folder import read_dataset, sample_name
-from frametwin.dataset.hashes import REMEDY
-from frametwin.dataset.true_curves import intervals_of
-from frametwin.errors import InputError
-from frametwin.files import PathLike, staged_directory, write_json, write_text
-from frametwin.formats import write_frame
-from frametwin.geometry import bezier
-from frametwin.geometry.wireframe import Wireframe
-from frametwin.imaging.decoding import decoded
+from frametwin.dataset.exports.coco_files import check_coco, write_coco
+from frametwin.dataset.exports.parquet_files import check_parquet, write_parquet
+from frametwin.dataset.exports.sample_folders import (
+    SampleWriter,
+    write_colmap,
+    write_folders,
+    write_nerfstudio,
+    write_npz,
+    write_obj,
+)
+from frametwin.dataset.exports.settings import ExportSettings
+from frametwin.dataset.exports.webdataset_shards import write_webdataset
+from frametwin.dataset.folder import Dataset, read_dataset, sample_name
+from frametwin.files import PathLike, staged_directory, write_json
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.ranges import check_settings, one_of
-from frametwin.twin.twin import FILE_NAME as TWIN_FILE
-from frametwin.twin.twin import read_twin
+
+__all__ = ["FORMATS", "MARK", "ExportSettings", "export_dataset"]
 
 FORMAT = "frametwin-export"
 VERSION = 1
 MARK = "export.json"
 """Lies in every export, and says of what it is one."""
 
-UNITS = {"mm": 1.0, "m": 1e-3}
-POINTS_A_STRUT = 24
-"""Of the plan's point cloud, with which splatting begins."""
-
-GREY = 200
+Writer = Callable[[Dataset, Path, ExportSettings, ProgressCallback | None], dict[str, Any]]
+"""Writes a dataset into a folder; what it returns is added to ``export.json``."""
 
 
-@dataclass(frozen=True)
-class ExportSettings:
-    """How a dataset is exported.
+def _each(write: SampleWriter) -> Writer:
+    return partial(write_folders, write)
 
-    Attributes
-    ----------
-    format : one of `FORMATS`.
-    unit : of lengths in the files, ``mm`` or ``m``; ``None`` for what is usual for the format.
-    link : whether pictures are hard links to those of the dataset, where the file system has them, and not copies.
 
-    Raises
-    ------
-    InputError
-        If a value is not one of these.
-    """
+FORMATS: dict[str, Writer] = {
+    "nerfstudio": _each(write_nerfstudio),
+    "colmap": _each(write_colmap),
+    "obj": _each(write_obj),
+    "npz": _each(write_npz),
+    "webdataset": write_webdataset,
+    "huggingface": write_parquet,
+    "coco": write_coco,
+}
 
-    format: Annotated[str, one_of(FORMATS)]
-    unit: Annotated[str, one_of(UNITS)] | None = None
-    link: bool = False
-
-    def __post_init__(self) -> None:
-        check_settings(self)
-
-    @property
-    def units(self) -> str:
-        """The unit of lengths: metres for nerfstudio, whose depths and scene boxes are in metres, else mm."""
-        return self.unit or ("m" if self.format == "nerfstudio" else "mm")
-
-    @property
-    def scale(self) -> float:
-        """Length in the files of one mm."""
-        return UNITS[self.units]
+CHECKS: dict[str, Callable[[], None]] = {"huggingface": check_parquet, "coco": check_coco}
+"""Whether the packages that a format needs are there."""
 
 
 def export_dataset(
@@ -84,12 +62,19 @@ def export_dataset(
 ) -> int:
     """Write all samples of a dataset in another format, whole or not at all.
 
-    Every sample becomes a folder of its own, ``000000`` and so on:
+    Every sample becomes a folder of its own, ``000000`` and so on, of
 
     - ``nerfstudio``: ``transforms.json``, ``images/`` and ``plan.ply``, the plan as the point cloud to begin with.
     - ``colmap``: ``images/`` and ``sparse/0/`` with the text model; its 3D points are the plan's, without tracks.
     - ``obj``: ``plan.obj``, ``truth.obj`` and, where there is a run, ``twin.obj``: struts as lines.
-    - ``npz``: ``sample.npz``, see `arrays_of`.
+    - ``npz``: ``sample.npz``, see `frametwin.dataset.exports.sample_folders.arrays_of`.
+
+    Samples are put together in
+
+    - ``webdataset``: ``train-000000.tar``; see `frametwin.dataset.exports.webdataset_shards`.
+    - ``huggingface``: ``data/train-00000-of-00001.parquet`` and ``README.md``; see
+      `frametwin.dataset.exports.parquet_files`.
+    - ``coco``: ``images/`` and ``annotations/train.json``; see `frametwin.dataset.exports.coco_files`.
 
     Parameters
     ----------
@@ -111,163 +96,24 @@ def export_dataset(
     Raises
     ------
     InputError
-        If the dataset or a sample is damaged, or the folder cannot be written.
+        If the dataset or a sample is damaged, a package that the format needs is missing, or the folder cannot be
+        written.
     Cancelled
         If ``progress`` returns ``False``.
     """
     dataset = read_dataset(folder)
-    write = FORMATS[settings.format]
+    CHECKS.get(settings.format, lambda: None)()
     with staged_directory(out, overwrite) as stage:
-        for i, entry in enumerate(dataset.samples):
-            report(progress, Progress("exporting samples", i, len(dataset.samples)))
-            place = stage / sample_name(entry.index)
-            place.mkdir()
-            write(read_capture(entry.folder), dataset.run_folder(entry.index), place, settings)
+        found = FORMATS[settings.format](dataset, stage, settings, progress)
         notes = {
             "format": FORMAT,
             "version": VERSION,
             "dataset": dataset.name,
             "kind": settings.format,
             "unit": settings.units,
+            **found,
             "samples": {sample_name(entry.index): entry.content for entry in dataset.samples},
         }
         write_json(stage / MARK, notes)
         report(progress, Progress("exporting samples", len(dataset.samples), len(dataset.samples)))
     return len(dataset.samples)
-
-
-def _write_nerfstudio(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
-    views = []
-    for view in capture.views:
-        name = _put_image(view.image.path, place / "images", settings)
-        pose = _scaled(view.camera.camera_to_world, settings.scale)
-        views.append(to_nerfstudio(replace(view.camera, camera_to_world=pose), f"images/{name}"))
-    transforms = {"camera_model": "OPENCV", "ply_file_path": "plan.ply", "frames": views}
-    write_json(place / "transforms.json", transforms)
-    points = settings.scale * _plan_points(capture.frame)
-    header = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
-    header += [f"property float {axis}" for axis in "xyz"]
-    header += [f"property uchar {colour}" for colour in ("red", "green", "blue")]
-    rows = [f"{x:.9g} {y:.9g} {z:.9g} {GREY} {GREY} {GREY}" for x, y, z in points.tolist()]
-    write_text(place / "plan.ply", "\n".join([*header, "end_header", *rows]) + "\n")
-
-
-def _write_colmap(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
-    cameras = []
-    for view in capture.views:
-        name = _put_image(view.image.path, place / "images", settings)
-        pose = _scaled(view.camera.camera_to_world, settings.scale)
-        cameras.append(replace(view.camera, name=name, camera_to_world=pose))
-    model = place / "sparse" / "0"
-    write_colmap_text(model, cameras)
-    points = settings.scale * _plan_points(capture.frame)
-    rows = [f"{i} {x!r} {y!r} {z!r} {GREY} {GREY} {GREY} 0" for i, (x, y, z) in enumerate(points.tolist(), start=1)]
-    write_text(model / "points3D.txt", "\n".join(["# POINT3D_ID X Y Z R G B ERROR TRACK[]", *rows]) + "\n")
-
-
-def _write_obj(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
-    shapes: dict[str, Wireframe] = {"plan": capture.frame}
-    if capture.truth is not None:
-        shapes["truth"] = capture.truth
-    if (run / TWIN_FILE).is_file():
-        shapes["twin"] = read_twin(run).as_wireframe(capture.frame)
-    scale = np.diag([settings.scale] * 3 + [1.0])
-    for name, shape in shapes.items():
-        write_frame(place / f"{name}.obj", shape if settings.scale == 1.0 else shape.transformed(scale))
-
-
-def _write_npz(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
-    arrays: dict[str, Any] = arrays_of(capture, settings.scale)
-    np.savez_compressed(place / "sample.npz", **arrays)
-
-
-def arrays_of(capture: Capture, scale: float = 1.0) -> dict[str, np.ndarray]:
-    """A sample as arrays: E struts, V vertices, N views.
-
-    Parameters
-    ----------
-    capture
-        The sample, with its truth; all of its pictures have one size.
-    scale
-        Length in the arrays of one mm.
-
-    Returns
-    -------
-    ``images`` (N, H, W) or (N, H, W, 3) uint8, red, green, blue; ``K`` (N, 3, 3), pixel centres at +0.5;
-    ``camera_to_world`` (N, 4, 4), OpenCV axes; ``distortion`` (N, 5); ``edges`` (E, 2); ``printed`` (E,);
-    ``radius`` (E,); ``vertices`` (V, 3) and ``control_points`` (E, 4, 3) of the plan, the same as
-    ``truth_vertices`` and ``truth_control_points``; ``present`` (E, 2), the interval of the curve parameter at which
-    each true strut is there.
-
-    Raises
-    ------
-    InputError
-        If there is no truth, or the pictures differ in size or in the number of channels.
-    """
-    if capture.truth is None:
-        raise InputError.at(capture.root, "truth.json", "is missing", "make the sample again")
-    images = [_pixels(view.image) for view in capture.views]
-    if len({image.shape for image in images}) > 1:
-        raise InputError.at(capture.root, "images", "are not all of one size", "export it as nerfstudio or colmap")
-    cameras = [view.camera for view in capture.views]
-    frame, truth = capture.frame, capture.truth
-    return {
-        "images": np.stack(images),
-        "K": np.stack([camera.K for camera in cameras]),
-        "camera_to_world": np.stack([_scaled(camera.camera_to_world, scale) for camera in cameras]),
-        "distortion": np.stack([camera.distortion for camera in cameras]),
-        "edges": frame.edges,
-        "printed": frame.printed,
-        "radius": scale * frame.radius,
-        "vertices": scale * frame.vertices,
-        "control_points": scale * frame.control_points,
-        "truth_vertices": scale * truth.vertices,
-        "truth_control_points": scale * truth.control_points,
-        "present": intervals_of(capture.root, frame.printed),
-    }
-
-
-FORMATS: dict[str, Callable[[Capture, Path, Path, ExportSettings], None]] = {
-    "nerfstudio": _write_nerfstudio,
-    "colmap": _write_colmap,
-    "obj": _write_obj,
-    "npz": _write_npz,
-}
-
-
-def _scaled(pose: np.ndarray, scale: float) -> np.ndarray:
-    """A pose (4, 4) with its position in another unit."""
-    scaled = np.array(pose)
-    scaled[:3, 3] *= scale
-    return scaled
-
-
-def _plan_points(frame: Wireframe) -> np.ndarray:
-    """(N, 3) mm on the printed struts of the plan: what is known before any picture is looked at."""
-    u = (np.arange(POINTS_A_STRUT) + 0.5) / POINTS_A_STRUT
-    return bezier.evaluate(frame.control_points[frame.printed], u).reshape(-1, 3)
-
-
-def _put_image(image: Path, folder: Path, settings: ExportSettings) -> str:
-    """Copy or link a picture into a folder; its name there."""
-    folder.mkdir(exist_ok=True)
-    target = folder / image.name
-    if target.exists():
-        remedy = "give the pictures of a capture different names"
-        raise InputError.at(image, "images", "has the name of another picture", remedy)
-    if settings.link:
-        try:
-            os.link(image, target)
-            return image.name
-        except OSError:
-            pass  # another file system, or one without links: a copy does as well
-    try:
-        shutil.copyfile(image, target)
-    except OSError as error:
-        raise InputError.at(target, "file", f"cannot be written ({error.strerror})", "make room for it") from error
-    return image.name
-
-
-def _pixels(picture: Picture) -> np.ndarray:
-    image = decoded(picture.data, picture.path, REMEDY)
-    return image if image.ndim == 2 else image[..., 2::-1]

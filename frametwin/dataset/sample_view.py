@@ -19,6 +19,7 @@ from frametwin.dataset.true_curves import intervals_of
 from frametwin.errors import FrameTwinError
 from frametwin.evaluation.evaluate import Errors
 from frametwin.imaging.contact_sheet import line_width
+from frametwin.imaging.encoding import jpeg
 from frametwin.imaging.masks import read_masks
 from frametwin.imaging.overlay import Layer, draw_view, layers_of
 from frametwin.twin.findings import Detection
@@ -93,7 +94,8 @@ def view_sample(entry: SampleEntry, run: Path) -> SampleView:
     for view, mask in zip(capture.views, masks, strict=True):
         camera = view.camera.without_distortion()
         picture = draw_view(camera, mask, layers, size=fine, width=line_width(camera, layers, fine))
-        pictures.append(_jpeg(cv2.resize(picture, size[::-1], interpolation=cv2.INTER_AREA)))
+        small = cv2.resize(picture, size[::-1], interpolation=cv2.INTER_AREA)
+        pictures.append(jpeg(small[..., ::-1], QUALITY))
     row = _row(sample, capture, present, fit) | {"size": [size[1], size[0]]}
     return SampleView(row, _detail(sample, capture, present, fit), pictures)
 
@@ -132,12 +134,6 @@ def _aspect(capture: Capture, layers: tuple[Layer, ...]) -> float:
         width, height = np.ptp(pixels[depth > 0.0], axis=0)
         ratios.append(width / max(height, 1.0))
     return float(np.clip(np.median(ratios), *ASPECTS))
-
-
-def _jpeg(picture: np.ndarray) -> bytes:
-    fine, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-    assert fine
-    return data.tobytes()
 
 
 def _row(sample: Sample, capture: Capture, present: np.ndarray, fit: _Fit) -> dict[str, Any]:

@@ -98,7 +98,7 @@ def read_true_curves(capture: Capture, truth: Wireframe) -> tuple[TrueCurves, li
     if not path.is_file():
         return computed, []
     noted = read_curves(path)
-    _check_belongs(noted, capture, truth, path)
+    check_belongs(noted, capture, truth, path)
     problems = [*_shape_problems(noted, computed), *_view_problems(noted, capture)]
     if problems:
         return computed, problems
@@ -118,7 +118,7 @@ def _unit(velocity: np.ndarray, extent: float) -> np.ndarray:
     return np.where(speed > 1e-6 * extent, velocity / np.where(speed > 0.0, speed, 1.0), 0.0)
 
 
-def _check_belongs(noted: CurveTruth, capture: Capture, truth: Wireframe, path: Path) -> None:
+def check_belongs(noted: CurveTruth, capture: Capture, truth: Wireframe, path: Path) -> None:
     """Refuse curves of other struts or views, which cannot be compared."""
     if noted.points.shape[:2] != (truth.strut_count, SAMPLES):
         found, wanted = noted.points.shape[:2], (truth.strut_count, SAMPLES)

@@ -12,10 +12,12 @@ import numpy as np
 
 from frametwin.capture.capture import Capture, View
 from frametwin.imaging.contact_sheet import SPACING, put_text
+from frametwin.imaging.encoding import jpeg
 from frametwin.imaging.masks import decode, undistort
 from frametwin.imaging.overlay import FAINT, INK, PAPER, TWIN, Colour
 from frametwin.imaging.photo_masks import ViewMask
 
+QUALITY = 85
 TILE_WIDTH = 760
 CAPTION = 56
 REFUSED: Colour = (180, 30, 30)
@@ -88,7 +90,7 @@ def page(title: str, views: Sequence[SeenView]) -> str:
     """All views on one HTML page that needs no other file."""
     used = sum(not view.refused for view in views)
     figures = "\n".join(
-        f'<figure><img alt="{html.escape(view.name)}" src="data:image/jpeg;base64,{_jpeg(view.picture)}">'
+        f'<figure><img alt="{html.escape(view.name)}" src="{_source(view.picture)}">'
         f"<figcaption{' class=refused' if view.refused else ''}><b>{html.escape(view.name)}</b> "
         f"{html.escape(view.figures)}</figcaption></figure>"
         for view in views
@@ -121,7 +123,6 @@ def _tile(view: SeenView) -> np.ndarray:
     return tile
 
 
-def _jpeg(picture: np.ndarray) -> str:
-    done, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])
-    assert done
-    return base64.b64encode(data.tobytes()).decode("ascii")
+def _source(picture: np.ndarray) -> str:
+    """A picture (H, W, 3), red, green, blue, as an address that holds it."""
+    return f"data:image/jpeg;base64,{base64.b64encode(jpeg(picture[..., ::-1], QUALITY)).decode('ascii')}"

@@ -15,8 +15,8 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture
-from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.imaging.encoding import jpeg
 from frametwin.imaging.masks import decode, undistort
 from frametwin.progress import Progress, ProgressCallback, report
 
@@ -166,12 +166,5 @@ def _cut_out(view: SeenView, low: np.ndarray, high: np.ndarray, width: int) -> d
             (camera.cy - first[1]) * scale[1],
         ],
         "m": camera.world_to_camera[:3].ravel().tolist(),
-        "picture": _jpeg(part),
+        "picture": base64.b64encode(jpeg(part, QUALITY)).decode("ascii"),
     }
-
-
-def _jpeg(picture: np.ndarray) -> str:
-    done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-    if not done:
-        raise InputError.at("picture", "image", "cannot be written as JPEG", "give a picture of 8 bits")
-    return base64.b64encode(data.tobytes()).decode("ascii")

@@ -34,7 +34,10 @@ function moments() {
     play.timer = setInterval(() => { if (current < DATA.scenes.length - 1) go(current + 1); else play.click(); }, 900);
   } }, "▶ Play");
   const name = make("strong");
-  $("moments").append(play, slider, name, make("output"));
+  if (DATA.kind === "dataset") {
+    $("moments").append(make("span", {}, "Shown, the worst first"), slider, make("span", { class: "named" }, name, $("verdict")), make("output"));
+    $("moments").after($("reasons"));
+  } else $("moments").append(play, slider, name, make("output"));
   $("moments").told = () => {
     slider.value = current; name.textContent = scene().label;
     const batch = DATA.batches?.[current], parts = [];
@@ -140,11 +143,29 @@ function cameras() {
   $("cameras").replaceChildren(make("h2", {}, "Corrections of the cameras"), make("div", { class: "wide" }, make("table", {}, make("thead", {}, make("tr", {}, ...["camera", "moved", "turned", "focal length", "standard deviations"].map((text) => make("th", {}, text)))), make("tbody", {}, ...rows))));
 }
 
+/* All samples, the worst first, above what is shown of one. */
 function samples() {
   if (!DATA.samples) return;
+  const known = DATA.samples.filter((row) => row.curves_max !== null).sort((a, b) => b.curves_max - a.curves_max);
+  const listed = [...known, ...DATA.samples.filter((row) => row.curves_max === null)];
+  const mean = known.reduce((sum, row) => sum + row.curves_mean, 0) / known.length;
+  const counts = Object.keys(WORDS).map((word) => [known.filter((row) => row.verdict === word).length, word]).filter(([count]) => count).map(([count, word]) => `${count} ${word}`);
+  const name = (row) => (row.scene === null ? `sample ${row.index}` : make("button", { type: "button", onclick: () => { go(row.scene); $("moments").scrollIntoView({ behavior: "smooth" }); } }, `sample ${row.index}`));
+  const verdictOf = (row) => make("span", { class: row.verdict }, row.verdict);
+  const cells = (row) => [row.frame, verdictOf(row), figure(row.curves_mean), figure(row.curves_max), String(row.overlooked), String(row.false)].map((cell) => make("td", {}, cell));
+  const facts = (row) => (row.problem === null ? cells(row) : [make("td", { class: "problem", colspan: 6 }, row.problem)]);
+  const rows = listed.map((row) => make("tr", { "data-scene": row.scene ?? "" }, make("td", {}, name(row)), ...facts(row)));
+  const head = make("tr", {}, ...["", "frame", "verdict", "mean", "largest", "missing overlooked", "missing in error"].map((text) => make("th", {}, text)));
+  const rest = listed.length - known.length;
   $("samples").hidden = false;
-  const rows = DATA.samples.map((row) => make("tr", {}, make("td", {}, row.scene === null ? `sample ${row.index}` : make("button", { type: "button", onclick: () => { go(row.scene); scrollTo({ top: 0, behavior: "smooth" }); } }, `sample ${row.index}`)), make("td", {}, row.frame ?? "–"), make("td", { class: row.verdict ?? "" }, row.problem ?? row.verdict), make("td", {}, figure(row.curves_mean)), make("td", {}, figure(row.curves_max)), make("td", {}, row.overlooked ?? "–"), make("td", {}, row.false ?? "–")));
-  $("samples").replaceChildren(make("h2", {}, "Samples ", make("small", {}, "errors between the curves in mm; those with the largest can be opened")), make("div", { class: "wide" }, make("table", {}, make("thead", {}, make("tr", {}, ...["", "frame", "verdict", "mean", "largest", "missing overlooked", "missing in error"].map((text) => make("th", {}, text)))), make("tbody", {}, ...rows))));
+  $("samples").replaceChildren(
+    make("h2", {}, "Samples ", make("small", {}, `errors between the curves in mm${known.length > DATA.scenes.length ? `; the ${DATA.scenes.length} with the largest can be opened` : ""}`)),
+    make("p", {}, `All fitted samples: ${figure(mean)} mm mean, ${figure(known[0].curves_max)} mm at most; verdicts: ${counts.join(", ")}${rest ? `; ${rest} not fitted or damaged` : ""}.`),
+    make("div", { class: "wide tall" }, make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows))));
+}
+
+function markSample() {
+  for (const row of $("samples").querySelectorAll("tr[data-scene]")) row.classList.toggle("current", row.dataset.scene === String(current));
 }
 
 function choose(strut, scroll) {
@@ -169,7 +190,7 @@ function options() {
 
 function all() {
   SHOTS.length = 0;
-  verdict(); $("moments").told?.(); legend(); strutCard(); histogramCard(); charts(); worst(); photographs(); cameras();
+  verdict(); $("moments").told?.(); legend(); strutCard(); histogramCard(); charts(); worst(); photographs(); cameras(); markSample();
   model?.show(scene(), quantity, chosenStrut);
 }
 
