@@ -107,7 +107,7 @@ def _path_settings(scene: bpy.types.Scene, samples: int) -> None:
 
 
 def _add_table(private: PrivateScene, ground: np.ndarray, size: float, look: PhotoLook) -> None:
-    """A plane, black at its rim. It takes shadows but casts no light back and none away: that is what ``fill`` is."""
+    """A plane, black at its rim, as opaque as a real one: from below struts get no light but what it casts back."""
     bright, dark = TABLE_REACH[0] * size, TABLE_REACH[1] * size
     data = private.keep(bpy.data.meshes.new(NAME))
     corners = [(-dark, -dark, 0.0), (dark, -dark, 0.0), (dark, dark, 0.0), (-dark, dark, 0.0)]
@@ -117,7 +117,6 @@ def _add_table(private: PrivateScene, ground: np.ndarray, size: float, look: Pho
     data.materials.append(material)
     table = private.add_object(data)
     table.location = ground
-    table.visible_diffuse = table.visible_glossy = table.visible_shadow = False
 
 
 def _add_light(
