@@ -162,7 +162,8 @@ def test_a_held_job_says_how_to_go_on(frame: Path, tmp_path: Path) -> None:
     assert f"{held}\n" == sentence and (held.source, held.field) == (str(capture), "old-capture")
     assert held.parts["problem"] == held.doubts[0].problem and held.doubts[0].kind == "old-capture"
     assert fingerprint(job) == before
-    accepted = ("--accept", "old-capture", "--accept", "wrong-batch", "--accept", "lost-struts")
+    kinds = ("old-capture", "wrong-batch", "wrong-twin", "lost-struts")
+    accepted = [word for kind in kinds for word in ("--accept", kind)]
     answered = json.loads(done("print", "next", job, "--capture", capture, "--quiet", "--json", *accepted).stdout)
     assert "old-capture" in {doubt["kind"] for doubt in answered["accepted"]}
     assert "accepted old-capture" in done("print", "status", job).stdout
