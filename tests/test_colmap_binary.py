@@ -192,7 +192,7 @@ def cut(name: str, keep: int) -> Callable[[Path], None]:
         (put("cameras.bin", LENS_AT + 4, "<i", 99), "99 is not known"),
         (put("cameras.bin", LENS_AT + 4, "<i", -1), "-1 is not known"),
         (put("cameras.bin", LENS_AT + 4, "<i", 7), "FOV is not supported"),
-        (put("cameras.bin", LENS_AT + 8, "<Q", 2**63), "whole number from 1"),
+        (put("cameras.bin", LENS_AT + 8, "<Q", 2**63), "width: is too large"),
         (put("cameras.bin", LENS_AT + 8, "<Q", 0), "whole number from 1"),
         (put("cameras.bin", LENS_AT + 24, "<d", np.nan), "fl_x"),
         (put("cameras.bin", LENS_AT + 24, "<d", -1.0), "fl_x"),

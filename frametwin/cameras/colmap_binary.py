@@ -175,7 +175,8 @@ def _read_images(file: _Bytes, lenses: dict[int, Intrinsics]) -> list[Camera]:
         where = f"{file.path}: images[{i}]"
         _, *pose, camera = file.take(_IMAGE, f"images[{i}]")
         name = file.text(f"images[{i}].NAME")
-        file.offset += _POINT_BYTES * file.count(f"images[{i}].POINTS2D", _POINT_BYTES)
+        points = file.count(f"images[{i}].POINTS2D", _POINT_BYTES)
+        file.offset += points * _POINT_BYTES
         if camera not in lenses:
             raise InputError.at(where, "CAMERA_ID", f"{camera} is not in {BINARY[0]}", "add it there")
         cameras.append(posed_camera(where, name, lenses[camera], pose))
