@@ -152,4 +152,6 @@ def nothing_drawn(path: PathLike, others: Iterable[str]) -> InputError:
     """The error for a drawing without lines, which names the kinds of what it holds instead."""
     kinds = sorted(set(others))
     held = f", but {', '.join(kinds[:5])}" if kinds else ""
-    return InputError.at(path, "file", f"holds no lines or polylines that can be seen{held}", "draw the struts as lines")
+    return InputError.at(
+        path, "file", f"holds no lines or polylines that can be seen{held}", "draw the struts as lines"
+    )

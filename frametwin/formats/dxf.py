@@ -1,8 +1,8 @@
 """Lines and polylines of DXF drawings, through ezdxf (imported when needed; the extra ``formats``).
 
-What counts is what can be seen in the model space, blocks included: lines, polylines, and splines of degree 1 or along a
-line. Arcs and other curves are refused, since struts of a plan are straight. Texts, dimensions, points, hatches, faces,
-and what is on layers that are off or frozen are not looked at.
+What counts is what can be seen in the model space, blocks included: lines, polylines, and splines of degree 1 or along
+a line. Arcs and other curves are refused, since struts of a plan are straight. Texts, dimensions, points, hatches,
+faces, and what is on layers that are off or frozen are not looked at.
 
 Source: Autodesk's DXF Reference, "ENTITIES Section" and ``$INSUNITS`` in "HEADER Section".
 """

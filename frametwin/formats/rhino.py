@@ -1,8 +1,8 @@
 """Lines and polylines of Rhino models (``.3dm``), through rhino3dm (imported when needed; the extra ``formats``).
 
-What counts is what can be seen, blocks included: lines, polylines, and curves that are straight or made of straight pieces.
-Other curves are refused, since struts of a plan are straight. Points, surfaces, meshes, texts, and what is hidden or on
-layers that are off are not looked at.
+What counts is what can be seen, blocks included: lines, polylines, and curves that are straight or made of straight
+pieces. Other curves are refused, since struts of a plan are straight. Points, surfaces, meshes, texts, and what is
+hidden or on layers that are off are not looked at.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _model(path: PathLike) -> Any:
     except ImportError as error:
         raise needs_extra(path, "rhino3dm") from error
     try:
-        model = rhino3dm.File3dm.FromByteArray(data)
+        model = rhino3dm.File3dm.FromByteArray(data)  # type: ignore[arg-type]  # bytes are taken
     except Exception as error:  # whatever the binding raises
         raise InputError.at(path, "file", f"cannot be read as 3dm ({error})", "save the model again") from error
     if model is None:
@@ -130,7 +130,7 @@ class _Reader:
         motion = reference.Xform
         inner = placed @ np.array([[getattr(motion, f"M{i}{j}") for j in range(4)] for i in range(4)], dtype=np.float64)
         for number in definition.GetObjectIds():
-            part = self.model.Objects.FindId(str(number))
+            part = self.model.Objects.FindId(number)
             if part is not None:
                 yield from self._chains_of(part, inner, depth + 1)
 
