@@ -29,6 +29,9 @@ KINDS = (
 FORMATS = ("json", "urscript", "gcode", "compas", "assembly")
 """As `frametwin.printing.toolpath.robot_files.FORMATS`."""
 
+ROBOTS = ("ur3", "ur5", "ur10", "ur3e", "ur5e", "ur10e", "ur16e", "ur20", "ur30")
+"""As `frametwin.printing.toolpath.ur_arms.ARMS`."""
+
 
 class Numbers(click.ParamType):
     """So many numbers, with commas between them."""
