@@ -35,7 +35,7 @@ from frametwin.cli.print_common import ROBOTS, Formats, Numbers, loop_options, o
     type=Formats(),
     default="json,urscript,gcode",
     show_default=True,
-    help="Of the waypoints: json, urscript, gcode, compas, assembly.",
+    help="Of the waypoints: json, urscript (Universal Robots), gcode, rapid (ABB), krl (KUKA), compas, assembly.",
 )
 @click.option(
     "--workspace",

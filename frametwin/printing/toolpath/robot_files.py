@@ -121,7 +121,12 @@ class RobotSettings:
 
 
 def waypoint_file(batch: int, format: str) -> str:
-    """The name of a batch's file in one of the formats with waypoints."""
+    """The name of a batch's file in one of the formats with waypoints.
+
+    That of a program for ABB or KUKA is the program's own, and short enough for the oldest controllers (8.3).
+    """
+    if format in ("rapid", "krl"):
+        return f"ft_{batch:03d}{SUFFIXES[format]}"
     kind = "_compas" if format == "compas" else ""
     return f"batch_{batch:03d}{kind}{SUFFIXES[format]}"
 
