@@ -3,8 +3,8 @@
 Lengths are in mm, speeds in m/s, orientations the angles A, B, C in degrees about z, the new y and the newest x, all
 in the robot's own base (``$ROBROOT``). Tool number 1 must be set to the nozzle's tip, z out of it, and output 1
 switches the extruder. Moves stop at their waypoints but within a strut, where ``C_DIS`` lets the tip pass at the
-distance ``$APO.CDIS``; outputs and waits stop the advance run, so that they happen at the waypoint. The first move stays where
-the arm is, as KRL asks for a ``PTP`` before the first ``LIN``. The program has the name of its file.
+distance ``$APO.CDIS``; outputs and waits stop the advance run, so that they happen at the waypoint. The first move
+stays where the arm is, as KRL asks for a ``PTP`` before the first ``LIN``. The program has the name of its file.
 
 Source: KUKA, "KUKA System Software, Operating and Programming Instructions for System Integrators" (LIN, C_DIS, $APO,
 $VEL, WAIT, names of up to 24 characters).
