@@ -16,6 +16,8 @@ from frametwin.cameras.colmap_lens import MODELS
 from frametwin.capture.capture import Capture, read_capture, write_capture
 from frametwin.errors import InputError
 from frametwin.formats import find_frame
+from frametwin.printing.job.batch_capture import take_capture
+from frametwin.printing.job.watch import _look
 from frametwin.simulation.simulate import SimulationSettings, simulate
 
 LENSES = {
@@ -124,6 +126,25 @@ def test_a_capture_with_a_model_in_place_of_transforms(capture: Path, made: Any)
     found = read_capture(capture)
     assert_is_made(found, made)
     assert set(found.documents) == {"frame.json", "sparse/0/cameras.bin", "sparse/0/images.bin"}
+
+
+def test_a_print_job_copies_a_model_and_reads_the_copy(capture: Path, made: Any, tmp_path: Path) -> None:
+    (tmp_path / "copy").mkdir()
+    taken = take_capture(capture, tmp_path / "copy", made.frame)
+    assert_is_made(taken.capture, made)
+    assert_is_made(read_capture(tmp_path / "copy"), made)
+
+
+def test_a_watch_waits_for_the_pictures_of_a_model(capture: Path, made: Any) -> None:
+    last = capture / "images" / f"{made.cameras[-1].name}.png"
+    data = last.read_bytes()
+    last.unlink()
+    assert _look(capture)[0] == f"images/{last.name}"
+    last.write_bytes(data)
+    assert _look(capture)[0] == ""
+    images = capture / "sparse" / "0" / "images.bin"
+    images.write_bytes(images.read_bytes()[:100])
+    assert _look(capture)[0] == "a whole COLMAP model"
 
 
 @pytest.mark.parametrize("place", ["sparse", "."])

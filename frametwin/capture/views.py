@@ -66,6 +66,19 @@ def has_cameras(root: Path) -> bool:
     return (root / TRANSFORMS).exists() or bool(_model_of(root))
 
 
+def model_pictures(root: Path) -> list[Path]:
+    """The pictures that the COLMAP model of a capture names, whether they are there yet or not.
+
+    Raises
+    ------
+    InputError
+        If the model is damaged, or not whole yet.
+    """
+    cameras = parse_colmap({file: read_bytes(file) for file in _model_of(root)})
+    places = [(root / "images" / camera.name, root / camera.name) for camera in cameras if "\0" not in camera.name]
+    return [other if other.is_file() and not below.is_file() else below for below, other in places]
+
+
 def _model_of(root: Path) -> tuple[Path, ...]:
     """The files of the COLMAP model in a capture; empty if there is none."""
     return next((found for place in MODEL_PLACES if (found := model_files(root / place))), ())
