@@ -17,6 +17,8 @@ from frametwin.files import PathLike, read_bytes
 from frametwin.formats.chains import (
     BENT,
     DEEPEST,
+    LARGEST_TOLERANCE,
+    ROUNDING,
     Chain,
     Drawing,
     checked_drawing,
@@ -62,8 +64,7 @@ def drawing_of(path: PathLike) -> Drawing:
     chains = checked_drawing(_Reader(model, path, others).chains(), path)
     if not chains:
         raise nothing_drawn(path, others)
-    tolerance = float(model.Settings.ModelAbsoluteTolerance)
-    return Drawing(chains, unit, millimetres, tolerance if 0.0 <= tolerance < np.inf else 0.0)
+    return Drawing(chains, unit, millimetres, _tolerance(model))
 
 
 def unit_of(path: PathLike) -> tuple[str, float]:
@@ -91,6 +92,12 @@ def _unit(model: Any, path: PathLike) -> tuple[str, float]:
     if name not in UNITS:
         raise InputError.at(path, "units", f"{name} are no unit for prints", "set the model's units to millimetres")
     return UNITS[name]
+
+
+def _tolerance(model: Any) -> float:
+    """The model's absolute tolerance, in its unit; 0 where it is not a distance."""
+    tolerance = float(model.Settings.ModelAbsoluteTolerance)
+    return tolerance if 0.0 <= tolerance < np.inf else 0.0
 
 
 class _Reader:
@@ -136,10 +143,12 @@ class _Reader:
 
     def _corners(self, curve: Any, name: str) -> np.ndarray:
         polyline = curve.TryGetPolyline()
+        start, end = curve.PointAtStart, curve.PointAtEnd
+        chord = float(np.linalg.norm([end.X - start.X, end.Y - start.Y, end.Z - start.Z]))
         if polyline is not None:
             points = [polyline[i] for i in range(len(polyline))]
-        elif curve.IsLinear(self.model.Settings.ModelAbsoluteTolerance):
-            points = [curve.PointAtStart, curve.PointAtEnd]
+        elif curve.IsLinear(max(ROUNDING * chord, min(_tolerance(self.model), LARGEST_TOLERANCE * chord))):
+            points = [start, end]
         else:
             raise InputError.at(self.path, name, "is a curve, and struts of a plan are straight", BENT)
         return np.array([(point.X, point.Y, point.Z) for point in points], dtype=np.float64)

@@ -4,7 +4,8 @@ Lengths are in mm, speeds in mm/s, orientations unit quaternions (w, x, y, z), a
 to be the robot's base. The module asks for two things that the system must have: the tool ``ft_tool``, whose centre
 point is the nozzle's tip, z out of it, and the digital output ``ft_extruder``. Moves stop at their waypoints but within
 a strut, where a zone lets the tip pass; nothing is switched in a zone, since an output is set as soon as that is
-entered. The arm's configuration is not watched (``ConfL \\Off``).
+entered. The arm's configuration is not watched (``ConfL \\Off``), and near a singular wrist the tool may lean a little
+while the tip keeps to its way (``SingArea \\Wrist``).
 
 Source: ABB, Technical reference manual "RAPID Instructions, Functions and Data types" (MoveL, robtarget, speeddata,
 zonedata, SetDO, WaitTime, ConfL) and "RAPID Overview" (names of up to 32 characters).
