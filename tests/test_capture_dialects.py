@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, read_capture, write_capture
+from frametwin.dataset.export import arrays_of
+from frametwin.dataset.sample_view import _camera
 from frametwin.errors import InputError
 from frametwin.formats import find_frame
 from frametwin.simulation.simulate import SimulationSettings, simulate
@@ -157,3 +163,59 @@ def test_damaged_descriptions_end_in_sentences(folder: Path) -> None:
                 read_capture(folder)
             except InputError as refused:
                 assert str(refused)
+
+
+def fisheye(camera: Camera) -> Camera:
+    return replace(camera, distortion=np.array([0.02, -0.004, 0.001, -0.0002]), model="OPENCV_FISHEYE")
+
+
+@pytest.mark.parametrize("every", [True, False])
+def test_lens_models_are_told_at_the_top_where_shared_and_for_each_where_not(
+    made: Any, tmp_path: Path, every: bool
+) -> None:
+    cameras = [fisheye(camera) if every or i == 1 else camera for i, camera in enumerate(made.cameras)]
+    write_capture(tmp_path / "c", made.frame, cameras, made.images, truth=made.truth)
+    data = json.loads((tmp_path / "c" / "transforms.json").read_text())
+    assert data["camera_model"] == ("OPENCV_FISHEYE" if every else "OPENCV")
+    told = [entry.get("camera_model", data["camera_model"]) for entry in data["frames"]]
+    assert told == [camera.model for camera in cameras]
+    capture = read_capture(tmp_path / "c")
+    for view, camera in zip(capture.views, cameras, strict=True):
+        assert view.camera.model == camera.model
+        np.testing.assert_array_equal(view.camera.distortion, camera.distortion)
+    arrays = arrays_of(capture)
+    assert arrays["camera_model"].tolist() == told and arrays["distortion"].shape == (3, 5)
+    for row, camera in zip(arrays["distortion"], cameras, strict=True):
+        np.testing.assert_array_equal(row, [*camera.distortion, 0.0][:5])
+
+
+def test_a_models_own_name_for_a_frame_counts_over_the_top(folder: Path) -> None:
+    def mixed(data: dict[str, Any]) -> None:
+        data["camera_model"] = "OPENCV_FISHEYE"
+        data.update(k1=0.02, k4=-0.0003)
+        data["frames"][0].update(camera_model="OPENCV", k1=-0.01, k4=0.0)
+
+    views = changed(folder, mixed).views
+    assert [view.camera.model for view in views] == ["OPENCV", "OPENCV_FISHEYE", "OPENCV_FISHEYE"]
+    np.testing.assert_array_equal(views[0].camera.distortion, [-0.01, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(views[1].camera.distortion, [0.02, 0.0, 0.0, -0.0003])
+
+
+def test_the_page_of_a_dataset_draws_through_either_lens(made: Any, tmp_path: Path) -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("no node to run the page's script with")
+    first, second, third = made.cameras
+    cameras = [first, fisheye(second), replace(third, distortion=np.array([-0.1, 0.02, 1e-3, -2e-3, 1e-3]))]
+    write_capture(tmp_path / "c", made.frame, cameras, made.images)
+    capture = read_capture(tmp_path / "c")
+    page = (Path(__file__).parent.parent / "frametwin" / "dataset" / "page.html").read_text(encoding="utf-8")
+    start = page.index("function project(")
+    points = made.frame.vertices[:5]
+    shown = json.dumps([_camera(view, capture.root) for view in capture.views])
+    script = page[start : page.index("\n}\n", start) + 3]
+    script += f"const found = {shown}.map(c => {json.dumps(points.tolist())}.map(p => project(c, ...p)));"
+    script += "console.log(JSON.stringify(found));"
+    done = subprocess.run([node, "-e", script], capture_output=True, text=True, check=True)
+    for pixels, camera in zip(json.loads(done.stdout), cameras, strict=True):
+        np.testing.assert_allclose(pixels, camera.project(points)[0], atol=1e-9)

@@ -22,6 +22,7 @@ from frametwin.formats import frame_json
 from frametwin.printing.job.answer import ACCEPTABLE
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.toolpath.robot_files import FORMATS
+from frametwin.printing.toolpath.ur_arms import ARMS
 from frametwin.worker.client import WorkerClient
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -63,6 +64,7 @@ def test_names_in_the_help_are_those_of_the_library() -> None:
     from frametwin.cli import print_common
 
     assert print_common.KINDS == ACCEPTABLE and print_common.FORMATS == FORMATS
+    assert tuple(ARMS) == print_common.ROBOTS
 
 
 def test_a_print_by_hand(frame: Path, tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ GOOD_IMAGES = "1 1 0 0 0 0 0 250 1 a.jpg\n\n"
 @pytest.mark.parametrize(
     ("cameras", "images", "message"),
     [
-        ("1 FISHEYE 640 480 500 320 240 0\n", GOOD_IMAGES, "MODEL"),
+        ("1 FOV 640 480 500 320 240 0\n", GOOD_IMAGES, "MODEL"),
         ("1 PINHOLE 640 480 500 500 320\n", GOOD_IMAGES, "PARAMS"),
         ("1 PINHOLE 640 480 five 500 320 240\n", GOOD_IMAGES, "PARAMS"),
         ("1 FULL_OPENCV 640 480 5 5 3 2 0 0 0 0 0 0.1 0 0\n", GOOD_IMAGES, "k4"),

@@ -30,7 +30,7 @@ BASE = ((0.0, -1.0, 0.0, 500.0), (1.0, 0.0, 0.0, -120.0), (0.0, 0.0, 1.0, 40.0),
 @pytest.fixture
 def job(tmp_path: Path) -> PrintJob:
     """A tower, turned and shifted before the robot, in every format."""
-    options = PlanOptions(batch_size=8, formats=tuple(SUFFIXES), base=BASE, ur10e_tool=150.0)
+    options = PlanOptions(batch_size=8, formats=tuple(SUFFIXES), base=BASE, robot="ur10e", tool=150.0)
     return plan_job(tmp_path / "job", tower(), options)
 
 

@@ -8,6 +8,7 @@ import sys
 from ast import literal_eval
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from small_frames import tower
 
 from frametwin.errors import InputError
+from frametwin.files import dump_json
 from frametwin.formats import read_frame
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
@@ -25,18 +27,14 @@ from frametwin.printing.toolpath.exports.compas import read_compas_frames
 from frametwin.printing.toolpath.exports.gcode import FILAMENT, read_gcode
 from frametwin.printing.toolpath.exports.urscript import read_urscript
 from frametwin.printing.toolpath.reach import (
-    A2,
-    A3,
-    D1,
-    D4,
-    D5,
-    D6,
     check_reach,
     frames_for_compas_fab,
     unreachable,
     unreachable_by_compas_fab,
     within_reach,
 )
+from frametwin.printing.toolpath.robot_files import RobotSettings
+from frametwin.printing.toolpath.ur_arms import ARMS, Arm
 from frametwin.printing.toolpath.waypoints import APPROACH, PRINT, Waypoints, waypoints_of
 from frametwin.printing.toolpath.workspace import Workspace
 
@@ -179,40 +177,32 @@ def test_damaged_files_are_refused(tmp_path: Path, points: Waypoints, limits: Wo
         write_waypoints(tmp_path / "w.stl", points, "stl", limits)
 
 
-def forward(joints: np.ndarray) -> np.ndarray:
-    """(4, 4) pose of a UR10e's flange by its Denavit-Hartenberg parameters."""
-    pose = np.eye(4)
-    quarter = np.pi / 2.0
-    rows = zip(
-        joints, (D1, 0, 0, D4, D5, D6), (0, -A2, -A3, 0, 0, 0), (quarter, 0, 0, quarter, -quarter, 0), strict=True
-    )
-    for angle, d, a, twist in rows:
-        c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
-        pose = pose @ [[c, -s * ct, s * st, a * c], [s, c * ct, -c * st, a * s], [0, st, ct, d], [0, 0, 0, 1]]
-    return pose
+ARM = ARMS["ur10e"]
 
 
-def test_every_pose_of_the_arm_is_within_its_reach_and_none_beyond() -> None:
+@pytest.mark.parametrize("arm", ARMS.values(), ids=list(ARMS))
+def test_every_pose_of_an_arm_is_within_its_reach_and_none_beyond(arm: Arm) -> None:
     rng = np.random.default_rng(0)
-    poses = np.array([forward(q) for q in rng.uniform(-np.pi, np.pi, size=(500, 6))])
-    assert within_reach(poses[:, :3, 3], poses[:, :3, :3]).all()
-    wrist = poses[:, :3, 3] - D6 * poses[:, :3, 2]
-    away = wrist - [0.0, 0.0, D1]
-    away *= (1.001 * np.hypot(A2 + A3 + D5, D4) / np.linalg.norm(away, axis=1))[:, None]  # further than links can span
-    assert not within_reach([0.0, 0.0, D1] + away + D6 * poses[:, :3, 2], poses[:, :3, :3]).any()
-    column = away * [0.0, 0.0, 0.2] + [0.9 * D4, 0.0, D1]  # the wrist inside of the cylinder about the base's axis
-    assert not within_reach(column + D6 * poses[:, :3, 2], poses[:, :3, :3]).any()
+    poses = np.array([arm.flange(q) for q in rng.uniform(-np.pi, np.pi, size=(500, 6))])
+    assert within_reach(arm, poses[:, :3, 3], poses[:, :3, :3]).all()
+    wrist, shoulder = poses[:, :3, 3] - arm.d6 * poses[:, :3, 2], np.array([0.0, 0.0, arm.d1])
+    away = wrist - shoulder
+    span = np.hypot(arm.a2 + arm.a3 + arm.d5, arm.d4)  # further than links can span
+    away *= (1.001 * span / np.linalg.norm(away, axis=1))[:, None]
+    assert not within_reach(arm, shoulder + away + arm.d6 * poses[:, :3, 2], poses[:, :3, :3]).any()
+    column = away * [0.0, 0.0, 0.2] + [0.9 * arm.d4, 0.0, arm.d1]  # the wrist inside of the cylinder about the axis
+    assert not within_reach(arm, column + arm.d6 * poses[:, :3, 2], poses[:, :3, :3]).any()
 
 
 def test_reach_of_waypoints(points: Waypoints, limits: Workspace) -> None:
-    assert len(unreachable(points, limits, 150.0)) == 0
+    assert len(unreachable(points, limits, ARM, 150.0)) == 0
     far = dataclasses.replace(limits, base=np.eye(4) + 3000.0 * np.eye(4, k=3))
-    assert len(unreachable(points, far, 150.0)) == len(points)
+    assert len(unreachable(points, far, ARM, 150.0)) == len(points)
 
 
 def test_flanges_are_handed_to_compas_fab_as_it_has_them() -> None:
     """Its UR10eKinematics().forward of these joints, version 2.0.1."""
-    pose = forward(np.array([0.3, -1.0, 1.2, -0.4, 0.9, 0.2]))
+    pose = ARM.flange(np.array([0.3, -1.0, 1.2, -0.4, 0.9, 0.2]))
     point, axes = frames_for_compas_fab(pose[None, :3, 3], pose[None, :3, :3])
     np.testing.assert_allclose(point[0], [0.886749, 0.532431, 0.483397], atol=1e-6)
     np.testing.assert_allclose(axes[0][:, :2].T, [[0.550, 0.821, 0.156], [0.835, -0.545, -0.074]], atol=6e-4)
@@ -222,15 +212,16 @@ def test_flanges_are_handed_to_compas_fab_as_it_has_them() -> None:
 def test_compas_fab_agrees_where_it_is_installed(points: Waypoints, limits: Workspace) -> None:
     if find_spec("compas_fab") is None:
         with pytest.raises(InputError, match="compas_fab: is not installed"):
-            unreachable_by_compas_fab(points, limits, 150.0)
-        assert check_reach(points, limits, 150.0) == "built-in"
+            unreachable_by_compas_fab(points, limits, ARM, 150.0)
+        assert check_reach(points, limits, ARM, 150.0) == "built-in"
         return
     for away in np.linspace(0.0, 1200.0, 7):  # from where all can be reached to where nothing can
         base = limits.base.copy()
         base[0, 3] += away
         there = dataclasses.replace(limits, base=base)
-        assert unreachable_by_compas_fab(points, there, 150.0).tolist() == unreachable(points, there, 150.0).tolist()
-    assert check_reach(points, limits, 150.0) == "compas_fab"
+        theirs = unreachable_by_compas_fab(points, there, ARM, 150.0).tolist()
+        assert theirs == unreachable(points, there, ARM, 150.0).tolist()
+    assert check_reach(points, limits, ARM, 150.0) == "compas_fab"
 
 
 def test_a_compas_fab_that_is_broken_is_not_taken_for_none(
@@ -243,16 +234,41 @@ def test_a_compas_fab_that_is_broken_is_not_taken_for_none(
         (tmp_path / name / "__init__.py").write_text("raise ImportError('of another Python')")
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(InputError, match=r"compas_fab: cannot be imported \(of another Python\)"):
-        check_reach(points, limits, 150.0)
+        check_reach(points, limits, ARM, 150.0)
 
 
 def test_what_the_arm_cannot_reach_is_not_written(tmp_path: Path) -> None:
-    options = {"allow_contact": True, "ur10e_tool": 150.0, "max_tilt_deg": 30.0}
+    options = {"allow_contact": True, "robot": "ur10e", "tool": 150.0, "max_tilt_deg": 30.0}
     near = tuple(map(tuple, np.eye(4) + 600.0 * np.eye(4, k=3)))
     job = plan_job(tmp_path / "near", tower(), PlanOptions(base=near, **options))
     assert job.waypoint_summary(0)["reach"] == ("built-in" if find_spec("compas_fab") is None else "compas_fab")
-    assert PrintJob(job.folder).settings.robot.ur10e_tool == 150.0
+    assert PrintJob(job.folder).settings.robot.tool == 150.0
     far = tuple(map(tuple, np.eye(4) + 1800.0 * np.eye(4, k=3)))
     with pytest.raises(InputError, match=r"batch 0: waypoint \d+ \(.*strut \d+\): is out of a UR10e's reach"):
         plan_job(tmp_path / "far", tower(), PlanOptions(base=far, **options))
     assert not (tmp_path / "far").exists()
+
+
+def test_jobs_of_before_there_were_several_arms_are_read() -> None:
+    robot = RobotSettings(Workspace([-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]), arm="ur5e", tool=90.0)
+    again = RobotSettings.from_dict(json.loads(dump_json(robot.as_dict())), "job.json")
+    assert (again.arm, again.tool) == ("ur5e", 90.0)
+    for tool, arm in ((150.0, "ur10e"), (None, None)):
+        old = json.loads(dump_json(robot.as_dict()))
+        del old["arm"], old["tool"]
+        found = RobotSettings.from_dict({**old, "ur10e_tool": tool}, "job.json")
+        assert (found.arm, found.tool) == (arm, tool)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"robot": "ur5e"}, "tool: is missing for the UR5e"),
+        ({"tool": 100.0}, "robot: is missing for the tool"),
+        ({"robot": "kr10", "tool": 100.0}, "robot: .*kr10"),
+        ({"robot": "ur5e", "tool": -1.0}, "tool: "),
+    ],
+)
+def test_an_arm_needs_a_tool_and_a_tool_an_arm(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        PlanOptions(**settings)

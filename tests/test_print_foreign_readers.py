@@ -14,16 +14,8 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
 from frametwin.printing.toolpath.exports import write_waypoints
-from frametwin.printing.toolpath.reach import (
-    A2,
-    A3,
-    D1,
-    D4,
-    D5,
-    D6,
-    frames_for_compas_fab,
-    within_reach,
-)
+from frametwin.printing.toolpath.reach import frames_for_compas_fab, within_reach
+from frametwin.printing.toolpath.ur_arms import ARMS, Arm
 from frametwin.printing.toolpath.waypoints import KINDS, PRINT, Waypoints, waypoints_of
 from frametwin.printing.toolpath.workspace import Workspace
 
@@ -100,43 +92,46 @@ def test_compas_reads_the_struts_as_a_graph(
 # --- the arm
 
 
-def forward(joints: np.ndarray) -> np.ndarray:
-    """(4, 4) pose of a UR10e's flange in mm by its Denavit-Hartenberg parameters."""
-    pose, quarter = np.eye(4), np.pi / 2.0
-    rows = zip(
-        joints, (D1, 0, 0, D4, D5, D6), (0, -A2, -A3, 0, 0, 0), (quarter, 0, 0, quarter, -quarter, 0), strict=True
-    )
-    for angle, d, a, twist in rows:
-        c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
-        pose = pose @ [[c, -s * ct, s * st, a * c], [s, c * ct, -c * st, a * s], [0, st, ct, d], [0, 0, 0, 1]]
-    return pose
+IN_COMPAS_FAB = ("UR3", "UR3e", "UR5", "UR5e", "UR10", "UR10e")
+
+
+@pytest.fixture(scope="module", params=list(ARMS))
+def arm(request: pytest.FixtureRequest) -> Arm:
+    return ARMS[request.param]
 
 
 @pytest.fixture(scope="module")
-def solver() -> Any:
+def solver(arm: Arm) -> Any:
+    """compas_fab's own kinematics of an arm; its general one with the project's lengths where it has not the arm."""
     solvers = pytest.importorskip("compas_fab.backends.kinematics.solvers", reason="compas_fab is not installed")
-    return solvers.UR10eKinematics()
+    metres = METRES * np.array([arm.d1, -arm.a2, -arm.a3, arm.d4, arm.d5, arm.d6])
+    if arm.name not in IN_COMPAS_FAB:
+        return solvers.offset_wrist_kinematics.OffsetWristKinematics(metres.tolist())
+    own = getattr(solvers, f"{arm.name}Kinematics")()
+    np.testing.assert_allclose(own.params, metres, atol=1e-12)
+    return own
 
 
-def test_both_arms_stand_the_same_in_hundreds_of_poses(solver: Any) -> None:
-    for joints in np.random.default_rng(0).uniform(-np.pi, np.pi, size=(300, 6)):
-        pose = forward(joints)
+def test_both_arms_stand_the_same_in_hundreds_of_poses(arm: Arm, solver: Any) -> None:
+    for joints in np.random.default_rng(0).uniform(-np.pi, np.pi, size=(100, 6)):
+        pose = arm.flange(joints)
         point, axes = frames_for_compas_fab(pose[None, :3, 3], pose[None, :3, :3])
         theirs = solver.forward(joints.tolist())
         np.testing.assert_allclose(list(theirs.point), point[0], atol=1e-9)
         np.testing.assert_allclose([list(theirs.xaxis), list(theirs.yaxis)], axes[0].T[:2], atol=1e-9)
 
 
-def test_reach_in_closed_form_is_that_of_compas_fab(solver: Any) -> None:
+def test_reach_in_closed_form_is_that_of_compas_fab(arm: Arm, solver: Any) -> None:
     """Random flanges in a ball that the arm fills in part; where there are solutions, the arm goes there."""
     from compas.geometry import Frame
 
-    rng = np.random.default_rng(1)
-    position = rng.normal(size=(800, 3))
-    position *= (1700.0 * rng.random(800) ** (1.0 / 3.0) / np.linalg.norm(position, axis=1))[:, None]
-    rotation = Rotation.random(800, random_state=1).as_matrix()
-    ours = within_reach(position, rotation)
-    assert 200 < ours.sum() < 600
+    rng, count = np.random.default_rng(1), 800 if arm.name == "UR10e" else 200
+    span = arm.a2 + arm.a3 + arm.d4 + arm.d5 + arm.d6
+    position = rng.normal(size=(count, 3))
+    position *= (1.07 * span * rng.random(count) ** (1.0 / 3.0) / np.linalg.norm(position, axis=1))[:, None]
+    rotation = Rotation.random(count, random_state=1).as_matrix()
+    ours = within_reach(arm, position, rotation)
+    assert count / 6 < ours.sum() < 5 * count / 6
     for n, (point, axes) in enumerate(zip(*frames_for_compas_fab(position, rotation), strict=True)):
         try:
             solutions = solver.inverse(Frame(point.tolist(), axes[:, 0].tolist(), axes[:, 1].tolist()))
@@ -145,7 +140,7 @@ def test_reach_in_closed_form_is_that_of_compas_fab(solver: Any) -> None:
         found = [np.array(joints) for joints in solutions if joints is not None]
         assert bool(found) == ours[n]
         for joints in found:
-            pose = forward(joints)
+            pose = arm.flange(joints)
             np.testing.assert_allclose(pose[:3, 3], position[n], atol=1e-6)
             np.testing.assert_allclose(pose[:3, :3], rotation[n], atol=1e-9)
 

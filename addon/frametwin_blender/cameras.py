@@ -67,14 +67,14 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
 
 
 class FRAMETWIN_OT_import_cameras(FileStep, bpy.types.Operator):
-    """Read calibrated cameras: transforms.json (nerfstudio, in mm), or cameras.txt beside images.txt (COLMAP)"""
+    """Read calibrated cameras: transforms.json (nerfstudio, in mm), or cameras and images (COLMAP, .txt or .bin)"""
 
     bl_idname = "frametwin.import_cameras"
     bl_label = "Import Cameras"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
-    filter_glob: bpy.props.StringProperty(default="*.json;*.txt", options={"HIDDEN"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(default="*.json;*.txt;*.bin", options={"HIDDEN"})  # type: ignore[valid-type]
 
     def act(self, context: bpy.types.Context) -> str:
         cameras = read_calibration(Path(bpy.path.abspath(self.filepath)))

@@ -1,6 +1,7 @@
 """Step 1, the plan: where the frame comes from, and whether it can be printed."""
 
 # No postponed annotations here: Blender reads them as properties.
+from importlib.util import find_spec
 from pathlib import Path
 from typing import ClassVar
 
@@ -86,7 +87,7 @@ class FRAMETWIN_OT_add_frame(Step, bpy.types.Operator):
 
 
 class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
-    """Read a frame file as the plan: frame.json, OBJ lines, assembly JSON, Node/Edge text, or a mesh; in millimetres"""
+    """Read a frame file as the plan: frame.json, assembly or COMPAS JSON, OBJ lines, Node/Edge text, DXF, 3dm; in mm"""
 
     bl_idname = "frametwin.import_frame"
     bl_label = "Import Frame"
@@ -94,7 +95,7 @@ class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
-        default="*.json;*.obj;*.txt;*.stl;*.ply;*.off", options={"HIDDEN"}
+        default="*.json;*.obj;*.txt;*.dxf;*.3dm;*.stl;*.ply;*.off", options={"HIDDEN"}
     )
 
     def act(self, context: bpy.types.Context) -> str:
@@ -112,6 +113,10 @@ def read_importable(path: Path) -> Wireframe:
     if path.suffix.lower() in (".stl", ".ply", ".off", ".glb", ".gltf"):
         remedy = "import it by File > Import, select it, and press Use Selected"
         raise InputError.at(path, "file", "is a mesh, which Blender itself imports", remedy)
+    library = {".dxf": "ezdxf", ".3dm": "rhino3dm"}.get(path.suffix.lower())
+    if library is not None and find_spec(library) is None:
+        remedy = f"run outside of Blender: frametwin convert {path.name} {path.stem}.json"
+        raise InputError.at(path, "file", f"is read by {library}, which this Python does not have", remedy)
     return read_frame(path)
 
 

@@ -7,12 +7,13 @@ forward), and pixel centres at +0.5, so the pixel in row i and column j has its 
 
 from frametwin.cameras.camera import Camera, look_at, packed
 from frametwin.cameras.colmap import read_colmap_text, write_colmap_text
+from frametwin.cameras.colmap_binary import read_colmap, read_colmap_binary
 from frametwin.cameras.conversions import (
     BlenderCamera,
     from_blender,
     to_blender,
 )
-from frametwin.cameras.nerfstudio import from_nerfstudio, to_nerfstudio
+from frametwin.cameras.nerfstudio import from_nerfstudio, to_nerfstudio, transforms_of
 
 __all__ = [
     "BlenderCamera",
@@ -21,8 +22,11 @@ __all__ = [
     "from_nerfstudio",
     "look_at",
     "packed",
+    "read_colmap",
+    "read_colmap_binary",
     "read_colmap_text",
     "to_blender",
     "to_nerfstudio",
+    "transforms_of",
     "write_colmap_text",
 ]

@@ -13,22 +13,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from frametwin.cameras.camera import DISTORTION_KEYS, FISHEYE, PERSPECTIVE, Camera
+from frametwin.cameras.camera import FISHEYE, Camera
+from frametwin.cameras.colmap_lens import Intrinsics, intrinsics_of, keys_of, posed_camera
 from frametwin.errors import InputError
-from frametwin.files import read_text, write_text
+from frametwin.files import decode_text, read_bytes, write_text
 
 Floats = NDArray[np.float64]
 
-# The parameters of each model in the order of the file.
-MODELS = {
-    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
-    "PINHOLE": ("fl_x", "fl_y", "cx", "cy"),
-    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
-    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
-    "OPENCV": ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2"),
-    "FULL_OPENCV": ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
-    FISHEYE: ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4"),
-}
+TEXT = ("cameras.txt", "images.txt")
+"""The files of a text model that tell of cameras."""
 
 
 def read_colmap_text(folder: str | Path) -> list[Camera]:
@@ -46,13 +39,18 @@ def read_colmap_text(folder: str | Path) -> list[Camera]:
     Raises
     ------
     InputError
-        For a missing or damaged file, a model that is not in ``MODELS``, rational coefficients (k4 to k6), or
+        For a missing or damaged file, a lens model that is not in `MODELS`, rational coefficients (k4 to k6), or
         values that ``Camera`` refuses.
     """
-    folder = Path(folder)
-    intrinsics = _read_intrinsics(folder / "cameras.txt")
-    path = folder / "images.txt"
-    lines = iter(_lines(path))
+    files = [Path(folder) / name for name in TEXT]
+    return parse_colmap_text(*((file, read_bytes(file)) for file in files))
+
+
+def parse_colmap_text(lenses: tuple[Path, bytes], images: tuple[Path, bytes]) -> list[Camera]:
+    """Cameras of the two files of a text model, each given by its name and what it holds; see `read_colmap_text`."""
+    intrinsics = _read_intrinsics(*lenses)
+    path = images[0]
+    lines = iter(_lines(*images))
     cameras = []
     for number, line in lines:
         if not line:
@@ -65,22 +63,7 @@ def read_colmap_text(folder: str | Path) -> list[Camera]:
         pose = _numbers(where, "pose", fields[1:8])
         if fields[8] not in intrinsics:
             raise InputError.at(where, "CAMERA_ID", f"{fields[8]} is not in cameras.txt", "add it there")
-        model, width, height, values = intrinsics[fields[8]]
-        cameras.append(
-            Camera(
-                name=fields[9],
-                width=width,  # type: ignore[arg-type]  # Camera checks that it is whole
-                height=height,  # type: ignore[arg-type]
-                fl_x=values.get("f", values.get("fl_x", 0.0)),
-                fl_y=values.get("f", values.get("fl_y", 0.0)),
-                cx=values["cx"],
-                cy=values["cy"],
-                camera_to_world=_camera_to_world(where, pose),
-                distortion=np.array([values.get(key, 0.0) for key in DISTORTION_KEYS[model]]),
-                model=model,
-                source=where,
-            )
-        )
+        cameras.append(posed_camera(where, fields[9], intrinsics[fields[8]], pose))
     return cameras
 
 
@@ -124,34 +107,28 @@ def write_colmap_text(folder: str | Path, cameras: Sequence[Camera]) -> None:
     write_text(folder / "points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n")
 
 
-def _read_intrinsics(path: Path) -> dict[str, tuple[str, float, float, dict[str, float]]]:
-    intrinsics = {}
-    for number, line in _lines(path):
+def _read_intrinsics(path: Path, data: bytes) -> dict[str, Intrinsics]:
+    found = {}
+    for number, line in _lines(path, data):
         if not line:
             continue
         where, fields = f"{path}: line {number}", line.split()
         model = fields[1] if len(fields) > 1 else "none"
-        if model not in MODELS:
-            raise InputError.at(where, "MODEL", f"{model} is not supported", f"use one of {', '.join(MODELS)}")
-        keys = MODELS[model]
-        if len(fields) != 4 + len(keys):
+        count = len(keys_of(where, model))
+        if len(fields) != 4 + count:
             raise InputError.at(
                 where,
                 "PARAMS",
-                f"{model} has {len(keys)} parameters, not {len(fields) - 4}",
+                f"{model} has {count} parameters, not {len(fields) - 4}",
                 "export the model again",
             )
         width, height, *values = _numbers(where, "PARAMS", fields[2:])
-        named = dict(zip(keys, values, strict=True))
-        lens = FISHEYE if model == FISHEYE else PERSPECTIVE
-        if lens == PERSPECTIVE and any(named.get(key, 0.0) != 0.0 for key in ("k4", "k5", "k6")):
-            raise InputError.at(where, "k4 k5 k6", "rational distortion is not supported", "calibrate with OPENCV")
-        intrinsics[fields[0]] = (lens, width, height, named)
-    return intrinsics
+        found[fields[0]] = intrinsics_of(where, model, width, height, values)
+    return found
 
 
-def _lines(path: Path) -> list[tuple[int, str]]:
-    text = read_text(path)
+def _lines(path: Path, data: bytes) -> list[tuple[int, str]]:
+    text = decode_text(data, path)
     lines = enumerate((line.strip() for line in text.splitlines()), start=1)
     return [(number, line) for number, line in lines if not line.startswith("#")]
 
@@ -161,24 +138,6 @@ def _numbers(where: str, field: str, texts: Sequence[str]) -> list[float]:
         return [float(text) for text in texts]
     except ValueError:
         raise InputError.at(where, field, "not all values are numbers", "export the model again") from None
-
-
-def _camera_to_world(where: str, pose: Sequence[float]) -> Floats:
-    quaternion, translation = np.array(pose[:4]), np.array(pose[4:])
-    length = np.linalg.norm(quaternion)
-    if not abs(length - 1.0) < 1e-3:
-        raise InputError.at(where, "QW QX QY QZ", "the quaternion is not of length 1", "export the model again")
-    w, x, y, z = quaternion / length
-    rotation = np.array(  # camera to world: the transpose of the quaternion's matrix
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ translation
-    return matrix
 
 
 def _quaternion(rotation: Floats) -> Floats:

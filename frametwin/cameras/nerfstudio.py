@@ -7,7 +7,7 @@ OpenGL's, x to the right, y up, and the camera looks along -z.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -74,6 +74,25 @@ def to_nerfstudio(camera: Camera, file_path: str) -> dict[str, Any]:
     if camera.has_distortion:
         frame |= dict(zip(DISTORTION_KEYS[camera.model], camera.distortion.tolist(), strict=True))
     return frame
+
+
+def transforms_of(cameras: Sequence[Camera], file_paths: Sequence[str]) -> dict[str, Any]:
+    """What a nerfstudio ``transforms.json`` tells of cameras: ``camera_model`` and ``frames``.
+
+    The lens model at the top is that of all cameras. Where they have several, each tells its own, and the one at the
+    top, which nerfstudio asks for, is ``OPENCV``.
+
+    Parameters
+    ----------
+    cameras, file_paths
+        See `to_nerfstudio`.
+    """
+    frames = [to_nerfstudio(camera, path) for camera, path in zip(cameras, file_paths, strict=True)]
+    models = {camera.model for camera in cameras}
+    if len(models) > 1:
+        for frame, camera in zip(frames, cameras, strict=True):
+            frame["camera_model"] = camera.model
+    return {"camera_model": models.pop() if len(models) == 1 else PERSPECTIVE, "frames": frames}
 
 
 def from_nerfstudio(

@@ -1,8 +1,8 @@
 """A capture folder: the plan, the calibrated views of the print, and the truth where it is known.
 
-The files are ``frame.json``, ``transforms.json`` (nerfstudio's, poses in mm), ``images/``, and optionally
-``background/`` (the same views before printing, under the same names), ``rig.json`` (how well the cameras are known)
-and ``truth.json``.
+The files are ``frame.json``, ``transforms.json`` (nerfstudio's, poses in mm) or a COLMAP model, ``images/``, and
+optionally ``background/`` (the same views before printing, under the same names), ``rig.json`` (how well the cameras
+are known) and ``truth.json``.
 """
 
 from __future__ import annotations
@@ -12,43 +12,27 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from frametwin.cameras import Camera, to_nerfstudio
+from frametwin.cameras import Camera, transforms_of
 from frametwin.cameras.rig_file import FILE_NAME as RIG_FILE
 from frametwin.cameras.rig_file import Rig, parse_rig
 from frametwin.capture.capture_checks import check_pictures, check_truth, check_views
 from frametwin.capture.image_files import write_png
 from frametwin.capture.paths import path_inside
 from frametwin.capture.picture import Picture
-from frametwin.capture.transforms import FORMAT, VERSION, entries_of, read_camera
+from frametwin.capture.transforms import FORMAT, VERSION
+from frametwin.capture.views import View, read_views
 from frametwin.errors import InputError
 from frametwin.files import PathLike, decode_text, parse_json, read_bytes, staged_directory, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
-"""Of pictures whose names leave them out."""
-
 _OWN_FILES = ("frame.json", "transforms.json", "truth.json", "images", "background")
 _SAFE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
-
-
-@dataclass(frozen=True)
-class View:
-    """One picture of the print: its camera, the picture, and the same view before printing if there is one."""
-
-    camera: Camera
-    image: Picture
-    background: Picture | None
-
-    @property
-    def pictures(self) -> tuple[Picture, ...]:
-        """Both, or the one there is."""
-        return (self.image,) if self.background is None else (self.image, self.background)
 
 
 @dataclass(frozen=True)
@@ -62,11 +46,11 @@ class Capture:
     frame
         The plan, with what has been printed.
     views
-        At least two views, in the order of ``transforms.json``.
+        At least two views, in the order of the file of the cameras.
     truth
         The real geometry, with the struts of the plan, where it is known.
     documents
-        What ``transforms.json`` held, and ``frame.json`` where the plan comes from it, by name.
+        What the files of the cameras held, and ``frame.json`` where the plan comes from it, by name.
     """
 
     root: Path
@@ -108,7 +92,7 @@ def read_capture(folder: PathLike, frame: Wireframe | None = None) -> Capture:
     ------
     InputError
         If a file is missing, damaged, cut short or outside of the folder, a picture's size disagrees with
-        ``transforms.json``, a camera stands in the frame or does not see it, there are fewer than two views,
+        its camera's, a camera stands in the frame or does not see it, there are fewer than two views,
         nothing is printed, or the truth has other struts than the plan.
     """
     root = Path(folder)
@@ -118,52 +102,22 @@ def read_capture(folder: PathLike, frame: Wireframe | None = None) -> Capture:
     frame_file = path_inside(root, "frame.json", root / "frame.json", "file")
     if frame is None:
         documents["frame.json"] = read_bytes(frame_file)
-        frame = frame_json.parse(_parsed(documents["frame.json"], frame_file), frame_file)
+        frame = frame_json.parse(parse_json(decode_text(documents["frame.json"], frame_file), frame_file), frame_file)
     if not frame.printed.any():
         raise InputError.at(frame_file, "printed", "no strut is printed", "mark the struts that have been printed")
-    transforms = path_inside(root, "transforms.json", root / "transforms.json", "file")
-    documents["transforms.json"] = read_bytes(transforms)
-    views = _read_views(root, _parsed(documents["transforms.json"], transforms), transforms)
+    views, cameras_file, read = read_views(root)
+    documents |= read
     rig = path_inside(root, RIG_FILE, root / RIG_FILE, "file")
     if rig.exists():
         documents[RIG_FILE] = read_bytes(rig)
-        views = _as_well_known(views, parse_rig(_parsed(documents[RIG_FILE], rig), rig))
-    check_views(frame, [view.camera for view in views], transforms)
+        views = _as_well_known(views, parse_rig(parse_json(decode_text(documents[RIG_FILE], rig), rig), rig))
+    check_views(frame, [view.camera for view in views], cameras_file)
     truth = None
     truth_file = path_inside(root, "truth.json", root / "truth.json", "file")
     if truth_file.exists():
         truth = frame_json.read(truth_file)
         check_truth(truth, frame, truth_file)
     return Capture(root=root, frame=frame, views=tuple(views), truth=truth, documents=documents)
-
-
-def _parsed(data: bytes, path: Path) -> dict[str, Any]:
-    return parse_json(decode_text(data, path), path)
-
-
-def _read_views(root: Path, data: dict[str, Any], path: Path) -> list[View]:
-    """Read the views of ``transforms.json`` with their pictures."""
-    entries, shared = entries_of(data, path)
-    stems = [PurePosixPath(str(entry.get("file_path"))).stem for entry in entries]
-    views: list[View] = []
-    taken: dict[Path, int] = {}
-    for i, entry in enumerate(entries):
-        file = _image_file(root, entry.get("file_path"), path, f"frames[{i}].file_path")
-        key = file.resolve()
-        if key in taken:
-            raise InputError.at(
-                path,
-                f"frames[{i}].file_path",
-                f"is the picture of frames[{taken[key]}] again",
-                "give every view its own picture",
-            )
-        taken[key] = i
-        name = stems[i] if stems.count(stems[i]) == 1 else str(entry["file_path"])
-        image = Picture.read(file)
-        camera = read_camera(entry, shared, name, path, i, image.size)
-        _check_size(image, camera, path, f"frames[{i}]")
-        views.append(View(camera=camera, image=image, background=_background(root, file, camera, path, i)))
-    return views
 
 
 def _as_well_known(views: Sequence[View], rig: Rig) -> list[View]:
@@ -173,60 +127,6 @@ def _as_well_known(views: Sequence[View], rig: Rig) -> list[View]:
         replace(view, camera=replace(view.camera, deviations=known.get(view.camera.name, view.camera.deviations)))
         for view in views
     ]
-
-
-def _image_file(root: Path, name: Any, path: Path, field: str) -> Path:
-    if name is None:
-        raise InputError.at(path, field, "is missing", "name the picture of the view")
-    if not isinstance(name, str):
-        raise InputError.at(path, field, f"{name!r} is not a text", "name the picture of the view")
-    image = path_inside(root, name, path, field)
-    if image.is_file():
-        return image
-    # NeRF-synthetic and several exporters leave the suffix out.
-    found = [other for other in (image.with_name(image.name + suffix) for suffix in SUFFIXES) if other.is_file()]
-    if len(found) > 1:
-        names = " and ".join(other.name for other in found)
-        raise InputError.at(path, field, f"{name!r} may be {names}", "write the picture's name with its suffix")
-    if not found:
-        raise InputError.at(path, field, f"the picture {name!r} is missing", "put it there, or correct the name")
-    return path_inside(root, found[0].relative_to(root).as_posix(), path, field)
-
-
-def _picture(file: Path, camera: Camera, path: Path, field: str) -> Picture:
-    """Read the picture of a camera, which stands in ``field`` of the file ``path``."""
-    picture = Picture.read(file)
-    _check_size(picture, camera, path, field)
-    return picture
-
-
-def _check_size(picture: Picture, camera: Camera, path: Path, field: str) -> None:
-    width, height = picture.size
-    if (width, height) != (camera.width, camera.height):
-        raise InputError.at(
-            picture.path,
-            "size",
-            f"is {width} x {height} pixels, {field} of {path.name} says {camera.width} x {camera.height}",
-            "give the picture as it was taken, or calibrate again",
-        )
-
-
-def _background(root: Path, image: Path, camera: Camera, path: Path, i: int) -> Picture | None:
-    """Read the view before printing: the same name below ``background/`` as below ``images/``."""
-    folder = path_inside(root, "background", root / "background", "folder")
-    if not folder.exists():
-        return None
-    relative = image.relative_to(root)
-    name = PurePosixPath("background", *(relative.parts[1:] or relative.parts))
-    background = path_inside(root, str(name), path, f"frames[{i}].file_path")
-    if not background.is_file():
-        raise InputError.at(
-            background,
-            "background",
-            "the view before printing is missing",
-            "put it there, or remove the folder",
-        )
-    return _picture(background, camera, path, f"frames[{i}]")
 
 
 def write_capture(
@@ -311,8 +211,8 @@ def write_description(
         frames["truth.json"] = truth
     _check_extra(name, extra or {})
     files = _image_names(cameras)
-    views = [to_nerfstudio(camera, f"images/{file}") for camera, file in zip(cameras, files, strict=True)]
-    transforms = {"format": FORMAT, "version": VERSION, "camera_model": "OPENCV", "frames": views}
+    views = transforms_of(cameras, [f"images/{file}" for file in files])
+    transforms = {"format": FORMAT, "version": VERSION, **views}
     for file, content in frames.items():
         frame_json.write(folder / file, content)
     for file, notes in {"transforms.json": transforms, **(extra or {})}.items():

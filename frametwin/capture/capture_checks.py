@@ -44,6 +44,7 @@ def check_views(frame: Wireframe, cameras: Sequence[Camera], path: str | os.Path
         if _in_metres(frame, cameras, path):
             problem = "the cameras stand as if their positions were in metres"
             remedy = 'write "unit": "m" at the top of the file, or give them in mm'
+            remedy = remedy if _is_transforms(path) else "scale the model to mm, as COLMAP's model_aligner does"
             raise InputError.at(path, "unit", problem, remedy) from None
         raise
 
@@ -70,7 +71,8 @@ def _check_views(frame: Wireframe, cameras: Sequence[Camera], path: str | os.Pat
     low, high = printed.bounds
     nearest = max(NEAREST_SHARE * printed.extent, 3.0 * float(printed.radius.max()))
     for i, camera in enumerate(cameras):
-        field = f"frames[{i}].transform_matrix"
+        own = _is_transforms(path)
+        field = f"frames[{i}].transform_matrix" if own else f"image {camera.name[:60]}"
         remedy = "give the pose of the camera in mm, in the coordinates of frame.json"
         if ((camera.centre > low) & (camera.centre < high)).all():
             raise InputError.at(path, field, "the camera stands inside the frame", remedy)
@@ -84,13 +86,18 @@ def _check_views(frame: Wireframe, cameras: Sequence[Camera], path: str | os.Pat
                 path,
                 field,
                 "the camera faces away from the frame",
-                f"{remedy} (OpenGL axes: it looks along -z)",
+                f"{remedy} (OpenGL axes: it looks along -z)" if own else remedy,
             )
         x, y = pixels.T
         seen = ahead & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
         if not seen.any():
             raise InputError.at(path, field, "the frame is outside of the picture", remedy)
-        _check_lens(camera, points[seen], path, f"frames[{i}].k1")
+        _check_lens(camera, points[seen], path, f"frames[{i}].k1" if own else field)
+
+
+def _is_transforms(path: str | os.PathLike[str]) -> bool:
+    """Whether the cameras come from ``transforms.json``, whose fields have names, and not from a COLMAP model."""
+    return os.fspath(path).endswith(".json")
 
 
 def _check_lens(camera: Camera, points: np.ndarray, path: str | os.PathLike[str], field: str) -> None:

@@ -33,10 +33,11 @@ def command(
 ) -> None:
     """Write the frame IN as OUT: a frame.json (any name ending in .json), or an OBJ with lines (.obj).
 
-    IN is a frame.json, an assembly or conmech JSON, one of a pair of Node*.txt and Edge*.txt, an OBJ, the
-    edges of any mesh (STL, PLY, OFF, GLB ...), a capture (its plan), a run (the twin's curves), or one of
-    bridge, half_bowl and lattice_tower. Files that state a unit are converted to mm, the others are taken to
-    be in mm. Struts without a radius get 6 % of the median strut length.
+    IN is a frame.json, an assembly or conmech JSON, a COMPAS Graph or Network, one of a pair of Node*.txt and
+    Edge*.txt, an OBJ, the lines of a DXF drawing or a Rhino model (.3dm; these two need pip install
+    'frametwin[formats]'), the edges of any mesh (STL, PLY, OFF, GLB ...), a capture (its plan), a run (the
+    twin's curves), or one of bridge, half_bowl and lattice_tower. Files that state a unit are converted to mm,
+    the others are taken to be in mm. Struts without a radius get 6 % of the median strut length.
 
     \b
     Examples:

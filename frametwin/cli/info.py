@@ -36,12 +36,13 @@ def command(source: str, as_json: bool) -> None:
       frametwin info NodeFemur_wireframe.txt
       frametwin info CAPTURE --json
     """
+    from frametwin.capture.views import has_cameras
     from frametwin.twin.runs import is_run
 
     path = Path(source)
     if is_run(path):
         data = _run(path)
-    elif (path / "transforms.json").exists():
+    elif has_cameras(path):
         data = {**_capture(path), **_unit(path)}
     else:
         data = {"kind": "frame", **describe(load_frame(source)), **_unit(path)}

@@ -28,8 +28,11 @@ KINDS = (
 )
 """As `frametwin.printing.job.answer.ACCEPTABLE`, which takes seconds to import."""
 
-FORMATS = ("json", "urscript", "gcode", "compas", "assembly")
+FORMATS = ("json", "urscript", "gcode", "rapid", "krl", "compas", "assembly")
 """As `frametwin.printing.toolpath.robot_files.FORMATS`."""
+
+ROBOTS = ("ur3", "ur5", "ur10", "ur3e", "ur5e", "ur10e", "ur16e", "ur20", "ur30")
+"""As `frametwin.printing.toolpath.ur_arms.ARMS`."""
 
 
 class Numbers(click.ParamType):

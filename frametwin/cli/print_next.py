@@ -30,7 +30,12 @@ def reprint_option(function: Any) -> Any:
 
 @click.command("next", short_help="Answer a batch with its pictures: twin, adapted plan, next waypoints.")
 @click.argument("job", type=FOLDER)
-@click.option("--capture", type=FOLDER, required=True, help="The pictures: a folder with transforms.json and images/.")
+@click.option(
+    "--capture",
+    type=FOLDER,
+    required=True,
+    help="The pictures: a folder with cameras and images/.",
+)
 @accept_option
 @reprint_option
 @click.option("--cold", is_flag=True, help="Start the fit afresh and not from the last twin; slower, for comparison.")
@@ -41,8 +46,8 @@ def next_command(
 ) -> None:
     """Find the twin of the batch that was printed last, move what is still to come, write the next batch's waypoints.
 
-    CAPTURE needs transforms.json (the cameras) and the pictures it names; background/ is used if it is there. The plan
-    comes from the job. All that was read is copied into JOB/batches/NNN.
+    CAPTURE needs the cameras (transforms.json, or a COLMAP model) and the pictures that they name; background/ is
+    used if it is there. The plan comes from the job. All that was read is copied into JOB/batches/NNN.
 
     The job stops in one sentence, and nothing is written, where printing on would build on something else than what is
     there: pictures of another batch or old ones, struts that are lost where others start, a twin that the views do

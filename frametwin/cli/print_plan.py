@@ -19,7 +19,7 @@ from frametwin.cli.common import (
     quiet_option,
 )
 from frametwin.cli.display import Display
-from frametwin.cli.print_common import Formats, Numbers, loop_options, order_options, read_base, split_nozzle
+from frametwin.cli.print_common import ROBOTS, Formats, Numbers, loop_options, order_options, read_base, split_nozzle
 
 
 @click.command("plan", short_help="Plan the order of a frame and write a job with its first batch.")
@@ -35,7 +35,7 @@ from frametwin.cli.print_common import Formats, Numbers, loop_options, order_opt
     type=Formats(),
     default="json,urscript,gcode",
     show_default=True,
-    help="Of the waypoints: json, urscript, gcode, compas, assembly.",
+    help="Of the waypoints: json, urscript (Universal Robots), gcode, rapid (ABB), krl (KUKA), compas, assembly.",
 )
 @click.option(
     "--workspace",
@@ -54,12 +54,14 @@ from frametwin.cli.print_common import Formats, Numbers, loop_options, order_opt
     "--max-speed", type=Positive(), default=250.0, show_default=True, help="Of the tool's tip in mm/s, anywhere."
 )
 @click.option(
-    "--ur10e-tool",
-    type=click.FloatRange(0.0),
-    metavar="MM",
-    help="The robot is a UR10e with a tool of this length from its flange to the tip: what its arm cannot reach is"
-    " refused too (by compas_fab where that is installed).",
+    "--robot",
+    type=click.Choice(ROBOTS, case_sensitive=False),
+    help="The robot: what its arm cannot reach with the tool is refused too (by compas_fab where that is installed).",
 )
+@click.option(
+    "--tool", type=click.FloatRange(0.0), metavar="MM", help="Length of the robot's tool, from its flange to the tip."
+)
+@click.option("--ur10e-tool", type=click.FloatRange(0.0), hidden=True)  # what --robot ur10e --tool was before
 @click.option("--speed", type=Positive(), help="Of the tool's tip while it lays a strut, in mm/s.  [default: 5]")
 @click.option(
     "--cameras",
@@ -83,16 +85,21 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     Examples:
       frametwin print plan bridge --out out/job
       frametwin print plan femur.json --out out/job --batch-size 40 --base 400,0,20 --workspace 150,-400,0,900,400,600
+      frametwin print plan FRAME --out out/job --robot ur10e --tool 210
       frametwin print plan tower.json --out out/job --order pychoreo_plan.json --max-tilt 0 --formats gcode
     """
     check_output_folder(out, overwrite, "job.json")
     plan = load_frame(frame)
     from frametwin.printing.job.plan_job import PlanOptions, plan_job
     from frametwin.printing.job.summaries import plan_summary
+    from frametwin.printing.toolpath.ur_arms import ARMS
 
     order, base = settings.pop("order"), read_base(settings.pop("base"))
     speed, reprint = settings.pop("speed"), bool(settings.pop("reprint"))
     waypoints = {} if speed is None else {"speed": speed}
+    former = settings.pop("ur10e_tool")
+    if former is not None:
+        settings |= {"robot": settings["robot"] or "ur10e", "tool": former}
     options = PlanOptions(**split_nozzle(settings), base=base, waypoints=waypoints, reprint=reprint)
     with Display(quiet) as display:
         job = plan_job(out, plan, options, order=order, overwrite=overwrite, progress=display)
@@ -100,7 +107,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     if as_json:
         print_json({"out": out, **data})
         return
-    reach = data["first"]["reach"]
+    reach, arm = data["first"]["reach"], job.settings.robot.arm
     low, high = (", ".join(f"{value:.0f}" for value in corner) for corner in data["workspace"])
     print_facts(
         f"job: {out}",
@@ -108,7 +115,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
             ("frame", f"{data['frame']}, {data['struts']} struts in {data['batches']} batches"),
             ("workspace", f"from ({low}) to ({high}) mm in the robot's base, up to {data['max_speed']:g} mm/s"),
             ("first batch", f"{data['first']['struts']} struts, {data['first']['seconds'] / 60.0:.0f} min of printing"),
-            *([] if reach is None else [("reach", f"a UR10e takes all waypoints of it ({reach})")]),
+            *([] if arm is None else [("reach", f"a {ARMS[arm].name} takes all waypoints of it ({reach})")]),
             *[("contact", sentence) for sentence in data["first"]["contacts"]],
             ("waypoints", f"{job.batch_folder(0) / 'waypoints'}"),
             ("next", f"print them, take pictures, then: frametwin print next {out} --capture CAPTURE"),

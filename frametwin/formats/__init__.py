@@ -5,8 +5,11 @@ format                  read    write    found by
 ======================  ======  =======  ==========================================================
 frame.json              yes     yes      ``.json`` with ``"format": "frametwin-frame"``
 assembly, conmech JSON  yes     no       ``.json`` with ``node_list`` or ``nodes``
+COMPAS Graph, Network   yes     no       ``.json`` with ``"dtype": "compas.datastructures/Graph"``
 RL3DP Node/Edge pair    yes     no       ``Node*.txt`` beside ``Edge*.txt`` (either, or both)
 Wavefront OBJ           yes     yes      ``.obj``: ``l`` lines, otherwise the edges of its faces
+Rhino model             yes     no       ``.3dm``: lines and polylines, by rhino3dm
+DXF drawing             yes     no       ``.dxf``: lines and polylines, by ezdxf
 meshes                  yes     no       ``.stl``, ``.ply``, ``.off``, ``.glb`` and what trimesh reads
 ======================  ======  =======  ==========================================================
 """
@@ -14,14 +17,18 @@ meshes                  yes     no       ``.stl``, ``.ply``, ``.off``, ``.glb`` 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from frametwin.errors import InputError
 from frametwin.files import PathLike, parse_json, read_text
-from frametwin.formats import assembly, frame_json, mesh, obj, rl3dp
+from frametwin.formats import assembly, compas_graph, dxf, frame_json, mesh, obj, rhino, rl3dp
 from frametwin.geometry.parametric import FRAMES, named_frame
 from frametwin.geometry.wireframe import Wireframe
 
 __all__ = ["find_frame", "foreign_unit", "read_frame", "write_frame"]
+
+_DRAWINGS: dict[str, Any] = {".dxf": dxf, ".3dm": rhino}
+"""Readers of drawings by suffix; each has ``read`` and ``unit_of``, and needs a library of the extra ``formats``."""
 
 _OWN_FILES = {
     "frametwin-twin": "is a digital twin, not a frame",
@@ -56,6 +63,8 @@ def read_frame(path: PathLike | tuple[PathLike, PathLike]) -> Wireframe:
         return obj.read(file)
     if suffix in (".json", ""):
         return _read_json(file)
+    if suffix in _DRAWINGS:
+        return _DRAWINGS[suffix].read(file)
     if rl3dp.is_name(file.name):
         return rl3dp.read_pair(file, rl3dp.sibling(file))
     if suffix in (".txt", ".csv", ".md"):
@@ -99,9 +108,15 @@ def foreign_unit(path: PathLike) -> str | None:
         If the file is damaged, or its unit is not known.
     """
     file = Path(path) / "frame.json" if Path(path).is_dir() else Path(path)
-    if file.suffix.lower() != ".json" or not file.is_file():
+    suffix = file.suffix.lower()
+    if suffix in _DRAWINGS and file.is_file():
+        unit, scale = _DRAWINGS[suffix].unit_of(file)
+        return None if scale == 1.0 else unit
+    if suffix != ".json" or not file.is_file():
         return None
     data = parse_json(read_text(file), file)
+    if compas_graph.is_compas(data):
+        return compas_graph.unit_of(data, file)
     if assembly.is_assembly(data):
         scale = assembly.millimetres(data.get("unit"), str(file), "unit")
     else:
@@ -113,6 +128,8 @@ def _read_json(path: Path) -> Wireframe:
     data = parse_json(read_text(path), path)
     if assembly.is_assembly(data):
         return assembly.parse(data, path)
+    if compas_graph.is_compas(data):
+        return compas_graph.parse(data, path)
     kind = data.get("format")
     if isinstance(kind, str) and kind in _OWN_FILES:
         raise InputError.at(path, "format", _OWN_FILES[kind], "give the frame.json that lies beside it")
@@ -123,7 +140,7 @@ def _read_json(path: Path) -> Wireframe:
             path,
             "file",
             "is JSON without a frame in it",
-            "give a frame.json, or the nodes and elements of an assembly",
+            "give a frame.json, the nodes and elements of an assembly, or a graph of COMPAS",
         )
     return frame_json.parse(data, path)
 

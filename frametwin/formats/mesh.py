@@ -48,7 +48,7 @@ def read(path: PathLike) -> Wireframe:
             path,
             "file",
             f"'{suffix}' is not a format that can be read",
-            "give .json, .obj, .stl, .ply, .off or .glb",
+            "give .json, .obj, .dxf, .3dm, .stl, .ply, .off or .glb",
         )
     try:
         scene = trimesh.load_scene(file, process=True)

@@ -59,9 +59,9 @@ def read_masks(capture: Capture, progress: ProgressCallback | None = None) -> li
         straight = undistort(mask, view.camera)
         if straight is not mask and not (straight > 0.5).any():
             raise InputError.at(
-                capture.root / "transforms.json",
-                f"frames[{i}].k1",
-                f"nothing of {view.image.path.name} is left when its lens distortion is removed",
+                view.image.path,
+                "distortion",
+                "nothing is left when the distortion of its lens is removed",
                 "calibrate the camera again",
             )
         masks.append(straight)
@@ -160,8 +160,7 @@ def decode(picture: Picture, camera: Camera) -> np.ndarray:
         raise InputError.at(
             picture.path,
             "size",
-            f"is {image.shape[1]} x {image.shape[0]} pixels where transforms.json says"
-            f" {camera.width} x {camera.height}",
+            f"is {image.shape[1]} x {image.shape[0]} pixels where its camera has {camera.width} x {camera.height}",
             "give the picture as it was taken, or calibrate again",
         )
     if image.ndim == 3 and image.shape[2] == 4:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.capture.capture import read_capture
+from frametwin.capture.views import has_cameras
 from frametwin.files import read_json
 from frametwin.formats import frame_json
 from frametwin.geometry.displacement import strut_displacements
@@ -94,7 +95,7 @@ def _batch(job: PrintJob, batch: int, answer: Answer, count: int) -> dict[str, A
     scene = Scene(label, design, scene.curves, scene.quantities, {**scene.marks, **lost})
     told = twin_content(scene, twin, errors, None if truth is None else truth.frame, with_plan=False)
     last = batch == count - 1
-    if batch >= count - PICTURED and (folder / files.CAPTURE / "transforms.json").is_file():
+    if batch >= count - PICTURED and has_cameras(folder / files.CAPTURE):
         capture = read_capture(folder / files.CAPTURE, plan)
         add_pictures(told, scene, capture, LAST_WIDTH if last else WIDTH, crops=last)
     return told

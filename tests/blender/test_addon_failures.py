@@ -189,7 +189,7 @@ def started(operator: Any) -> bool:
     return True
 
 
-def test_files_that_cannot_be_used(tab: Any, tmp_path: Path) -> None:
+def test_files_that_cannot_be_used(tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = cases.scene_state()
     damaged = tmp_path / "damaged.json"
     damaged.write_text('{"format": "frametwin-frame", "version": 1, "vertices": [[0, 0')
@@ -197,6 +197,10 @@ def test_files_that_cannot_be_used(tab: Any, tmp_path: Path) -> None:
         assert "damaged.json" in cases.refused(operator, filepath=str(damaged))
         assert "nowhere.json" in cases.refused(operator, filepath=str(tmp_path / "nowhere.json"))
     assert "press Use Selected" in cases.refused(ops.import_frame, filepath=str(tmp_path / "mesh.stl"))
+    monkeypatch.setattr(cases.addon("plan"), "find_spec", lambda name: None)  # as in Blender's own Python
+    for kind, library in (("3dm", "rhino3dm"), ("dxf", "ezdxf")):
+        said = cases.refused(ops.import_frame, filepath=str(tmp_path / f"plan.{kind}"))
+        assert library in said and f"frametwin convert plan.{kind} plan.json" in said
     assert "twin.json: file: the file does not exist" in cases.refused(ops.import_run, directory=str(tmp_path))
     tab.fit.capture = "//capture"
     assert "save the file" in cases.refused(ops.fit)

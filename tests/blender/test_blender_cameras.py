@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,9 +19,9 @@ from frametwin.blender.scene.collections import new_collection, remove_collectio
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.blender.views.backgrounds import add_background
 from frametwin.blender.views.cameras import activate, camera_from_blender, camera_to_blender
-from frametwin.blender.views.rigs import cameras_from_collection, rig_around, rig_to_blender
+from frametwin.blender.views.rigs import cameras_from_collection, read_calibration, rig_around, rig_to_blender
 from frametwin.blender.views.transforms import read_transforms, write_transforms
-from frametwin.cameras import Camera, look_at
+from frametwin.cameras import Camera, look_at, write_colmap_text
 from frametwin.cameras.rigs import dome_rig, ring_rig
 from frametwin.capture.image_files import write_png
 from frametwin.capture.transforms import read_cameras
@@ -285,6 +286,23 @@ def test_a_removed_collection_leaves_nothing(scene: Any, link: Link, rich_frame:
 
 
 # transforms.json
+
+
+def test_calibrations_of_colmap_are_read_from_a_folder_or_a_file(rich_frame: Wireframe, tmp_path: Path) -> None:
+    cameras = ring_rig(rich_frame, 3)
+    write_colmap_text(tmp_path, cameras)
+    for path in (tmp_path, tmp_path / "cameras.txt", tmp_path / "images.txt"):
+        for found, camera in zip(read_calibration(path), cameras, strict=True):
+            np.testing.assert_allclose(found.camera_to_world, camera.camera_to_world, atol=1e-9)
+    lens = struct.pack("<QIiQQ4d", 1, 5, 1, 640, 480, 500.0, 500.0, 320.0, 240.0)  # a pinhole camera
+    image = struct.pack("<QI7dI", 1, 9, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 250.0, 5) + b"a.png\0" + struct.pack("<Q", 0)
+    (tmp_path / "cameras.bin").write_bytes(lens)
+    (tmp_path / "images.bin").write_bytes(image)
+    for path in (tmp_path, tmp_path / "cameras.bin", tmp_path / "images.bin"):
+        (camera,) = read_calibration(path)
+        assert (camera.name, camera.width, camera.fl_x) == ("a.png", 640, 500.0)
+        np.testing.assert_allclose(camera.centre, [0.0, 0.0, -250.0], atol=1e-12)
+    assert len(read_calibration(tmp_path / "images.txt")) == 3  # the file that was picked counts
 
 
 def test_transforms_json_goes_in_and_out_with_the_same_bits(scene: Any, rich_frame: Wireframe, tmp_path: Path) -> None:

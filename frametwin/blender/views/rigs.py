@@ -9,7 +9,8 @@ import bpy
 
 from frametwin.blender.scene.collections import new_collection, remove_collection
 from frametwin.blender.views.cameras import activate, camera_from_blender, camera_to_blender, cameras_in
-from frametwin.cameras import Camera, read_colmap_text
+from frametwin.cameras import Camera, read_colmap, read_colmap_binary, read_colmap_text
+from frametwin.cameras.colmap_binary import BINARY, TEXT
 from frametwin.cameras.rigs import RIGS, stepped_back
 from frametwin.capture.transforms import read_cameras
 from frametwin.errors import InputError
@@ -29,7 +30,7 @@ def rig_to_blender(
     Parameters
     ----------
     cameras
-        The cameras, such as those of `frametwin.cameras.rigs` or `read_colmap_text`.
+        The cameras, such as those of `frametwin.cameras.rigs` or `read_colmap`.
     scene
         Where to; the current one by default.
     name
@@ -115,7 +116,7 @@ def read_calibration(path: PathLike) -> tuple[Camera, ...]:
     ----------
     path
         A ``transforms.json`` (nerfstudio's, poses in mm), a capture folder that holds one, or a folder with a COLMAP
-        text model (``cameras.txt`` and ``images.txt``) or one of its files.
+        model (``cameras`` and ``images``, ``.bin`` or ``.txt``) or one of its files.
 
     Raises
     ------
@@ -123,10 +124,11 @@ def read_calibration(path: PathLike) -> tuple[Camera, ...]:
         If it is none of these, or damaged.
     """
     source = Path(path)
-    if source.name in ("cameras.txt", "images.txt"):
-        source = source.parent
+    if source.name in (*BINARY, *TEXT):
+        kind = read_colmap_binary if source.name in BINARY else read_colmap_text
+        return tuple(kind(source.parent))
     if source.is_dir() and not (source / "transforms.json").is_file():
-        return tuple(read_colmap_text(source))
+        return tuple(read_colmap(source))
     return read_cameras(source / "transforms.json" if source.is_dir() else source)
 
 

@@ -11,7 +11,7 @@ from frametwin.blender.scene.placement import label
 from frametwin.blender.views.backgrounds import add_background, check_shape
 from frametwin.blender.views.cameras import KEY, cameras_in
 from frametwin.blender.views.rigs import cameras_from_collection, rig_to_blender
-from frametwin.cameras import Camera, to_nerfstudio
+from frametwin.cameras import Camera, transforms_of
 from frametwin.capture.transforms import FORMAT, VERSION, read_cameras
 from frametwin.errors import InputError
 from frametwin.files import PathLike, read_json, write_json
@@ -94,8 +94,7 @@ def write_transforms(
                 f"two are of the picture {place}",
                 "give every camera a name of its own",
             )
-    views = [to_nerfstudio(camera, place) for camera, place in zip(cameras, places, strict=True)]
-    write_json(Path(path), {"format": FORMAT, "version": VERSION, "camera_model": "OPENCV", "frames": views})
+    write_json(Path(path), {"format": FORMAT, "version": VERSION, **transforms_of(cameras, places)})
     return cameras
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from frametwin.cameras import to_nerfstudio, write_colmap_text
+from frametwin.cameras import transforms_of, write_colmap_text
 from frametwin.capture.capture import Capture, read_capture
 from frametwin.capture.picture import Picture
 from frametwin.dataset.exports.pictures import put_image
@@ -54,12 +54,13 @@ def write_folders(
 
 def write_nerfstudio(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
     """See `frametwin.dataset.export.export_dataset`."""
-    views = []
+    cameras, names = [], []
     for view in capture.views:
-        name = put_image(view.image, place / "images", settings.link)
+        names.append(f"images/{put_image(view.image, place / 'images', settings.link)}")
         pose = _scaled(view.camera.camera_to_world, settings.scale)
-        views.append(to_nerfstudio(replace(view.camera, camera_to_world=pose), f"images/{name}"))
-    transforms = {"camera_model": "OPENCV", "ply_file_path": "plan.ply", "frames": views}
+        cameras.append(replace(view.camera, camera_to_world=pose))
+    told = transforms_of(cameras, names)
+    transforms = {"camera_model": told["camera_model"], "ply_file_path": "plan.ply", "frames": told["frames"]}
     write_json(place / "transforms.json", transforms)
     points = settings.scale * _plan_points(capture.frame)
     header = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
@@ -114,8 +115,9 @@ def arrays_of(capture: Capture, scale: float = 1.0) -> dict[str, np.ndarray]:
     Returns
     -------
     ``images`` (N, H, W) or (N, H, W, 3) uint8, red, green, blue; ``K`` (N, 3, 3), pixel centres at +0.5;
-    ``camera_to_world`` (N, 4, 4), OpenCV axes; ``distortion`` (N, 5); ``edges`` (E, 2); ``printed`` (E,);
-    ``radius`` (E,); ``vertices`` (V, 3) and ``control_points`` (E, 4, 3) of the plan, the same as
+    ``camera_to_world`` (N, 4, 4), OpenCV axes; ``camera_model`` (N,), ``OPENCV`` or ``OPENCV_FISHEYE``, and
+    ``distortion`` (N, 5), k1, k2, p1, p2, k3 of the one and k1, k2, k3, k4, 0 of the other; ``edges`` (E, 2);
+    ``printed`` (E,); ``radius`` (E,); ``vertices`` (V, 3) and ``control_points`` (E, 4, 3) of the plan, the same as
     ``truth_vertices`` and ``truth_control_points``; ``present`` (E, 2), the interval of the curve parameter at which
     each true strut is there.
 
@@ -135,7 +137,8 @@ def arrays_of(capture: Capture, scale: float = 1.0) -> dict[str, np.ndarray]:
         "images": np.stack(images),
         "K": np.stack([camera.K for camera in cameras]),
         "camera_to_world": np.stack([_scaled(camera.camera_to_world, scale) for camera in cameras]),
-        "distortion": np.stack([camera.distortion for camera in cameras]),
+        "camera_model": np.array([camera.model for camera in cameras]),
+        "distortion": np.stack([np.array([*camera.distortion, 0.0])[:5] for camera in cameras]),
         "edges": frame.edges,
         "printed": frame.printed,
         "radius": scale * frame.radius,

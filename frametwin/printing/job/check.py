@@ -32,6 +32,7 @@ from frametwin.printing.sequencing.tool_collisions import POSE_STEP, SampledStru
 from frametwin.printing.toolpath.path_check import agreement_faults, limit_faults
 from frametwin.printing.toolpath.robot_files import waypoint_file
 from frametwin.printing.toolpath.tool_path import ToolPath, read_tool_path
+from frametwin.printing.toolpath.ur_arms import ARMS
 from frametwin.progress import Progress, ProgressCallback, report
 
 BESIDE = 0.5
@@ -146,9 +147,10 @@ class _BatchCheck:
 
     def faults(self, progress: ProgressCallback | None, total: int) -> list[Fault]:
         robot, path = self.job.settings.robot, self.path
+        arm = None if robot.arm is None else ARMS[robot.arm]
         found = [*self._in_the_air(), *agreement_faults(path, self.others)]
         for each in (path, *self.others.values()):
-            limits = limit_faults(each, robot.workspace, robot.waypoints.max_tilt_deg, robot.ur10e_tool)
+            limits = limit_faults(each, robot.workspace, robot.waypoints.max_tilt_deg, arm, robot.tool)
             found += [fault for fault in limits if fault not in found]
         runs, struts = path.strut_runs(), self.ahead.laying.struts
         if len(runs) != len(struts):

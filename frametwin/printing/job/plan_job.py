@@ -19,7 +19,7 @@ from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
-from frametwin.printing.toolpath.robot_files import Formats, RobotSettings
+from frametwin.printing.toolpath.robot_files import ArmName, Formats, RobotSettings, ToolLength, check_arm
 from frametwin.printing.toolpath.waypoints import WaypointSettings
 from frametwin.printing.toolpath.workspace import Workspace
 from frametwin.progress import Progress, ProgressCallback, report
@@ -57,8 +57,8 @@ class PlanOptions:
         4 by 4 rigid transform from the frame's coordinates to the robot's base; ``None`` for none.
     max_speed
         Of the tip in mm/s.
-    ur10e_tool
-        See `frametwin.printing.toolpath.robot_files.RobotSettings`.
+    robot, tool
+        The arm, and the length of its tool in mm; see `frametwin.printing.toolpath.robot_files.RobotSettings`.
     adapt, anticipate, compensate, reprint, cameras
         See `JobSettings`; a job that does not adapt does not anticipate either.
     limits
@@ -81,7 +81,8 @@ class PlanOptions:
     workspace: Corners | None = None
     base: Matrix | None = None
     max_speed: Annotated[float, above(0.0, up_to=1e6, noun="mm/s")] = 250.0
-    ur10e_tool: Annotated[float, at_least(0.0, noun="millimetres")] | None = None
+    robot: ArmName | None = None
+    tool: ToolLength | None = None
     adapt: bool = True
     anticipate: bool = True
     compensate: bool = False
@@ -92,6 +93,7 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         check_settings(self)
+        check_arm(self.robot, self.tool)
         check_values(Nozzle, self.nozzle, prefix="nozzle.")
         check_values(WaypointSettings, self.waypoints, prefix="waypoints.")
 
@@ -114,7 +116,7 @@ class PlanOptions:
         }
         waypoints = WaypointSettings(**{**own, **self.waypoints})
         return JobSettings(
-            robot=RobotSettings(self.place(frame), waypoints, tuple(self.formats), self.ur10e_tool),
+            robot=RobotSettings(self.place(frame), waypoints, tuple(self.formats), self.robot, self.tool),
             adapt=self.adapt,
             anticipate=self.adapt and self.anticipate,
             compensate=self.compensate,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from frametwin.capture.views import has_cameras, model_pictures
 from frametwin.errors import Held, InputError
 from frametwin.files import PathLike, file_hash, read_json
 from frametwin.printing.job.answer import AnswerOptions
@@ -171,7 +172,7 @@ def check_captures_folder(path: PathLike) -> None:
     folder = Path(path)
     if not folder.is_dir():
         raise InputError.at(folder, "folder", "does not exist", "make the folder into which captures are put")
-    if (folder / "transforms.json").is_file():
+    if has_cameras(folder):
         raise InputError.at(folder, "folder", "is itself a capture", "give the folder above it")
 
 
@@ -183,7 +184,7 @@ def _look(folder: Path, raw: RawPictures | None) -> tuple[str, Signature]:
         signature = tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)
         if raw is not None:
             return raw.lacking(folder), signature
-        if not (folder / "transforms.json").is_file():
+        if not has_cameras(folder):
             return "transforms.json", signature
         wanted = _pictures(folder)
         if (folder / "background").is_dir():
@@ -192,18 +193,21 @@ def _look(folder: Path, raw: RawPictures | None) -> tuple[str, Signature]:
     except OSError:  # files come and go
         return "files that stay", ()
     except InputError:
-        return "a whole transforms.json", signature
+        own = (folder / "transforms.json").is_file()
+        return f"a whole {'transforms.json' if own else 'COLMAP model'}", signature
     return (lacking[0].relative_to(folder).as_posix() if lacking else ""), signature
 
 
 def _pictures(folder: Path) -> list[Path]:
-    """The pictures that ``transforms.json`` names.
+    """The pictures that the cameras' file names.
 
     Raises
     ------
     InputError
         If the file is not whole.
     """
+    if not (folder / "transforms.json").is_file():
+        return model_pictures(folder)
     frames = read_json(folder / "transforms.json").get("frames")
     names = [frame.get("file_path") for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
     return [folder / name for name in names if isinstance(name, str) and "\0" not in name]

@@ -9,6 +9,7 @@ import numpy as np
 from frametwin.printing.sequencing.check import Fault
 from frametwin.printing.toolpath.reach import within_reach
 from frametwin.printing.toolpath.tool_path import ToolPath
+from frametwin.printing.toolpath.ur_arms import Arm
 from frametwin.printing.toolpath.workspace import Workspace
 
 ROUNDING = 1e-5
@@ -21,9 +22,9 @@ SAME_AXIS = 1e-5
 
 
 def limit_faults(
-    path: ToolPath, workspace: Workspace, max_tilt_deg: float, ur10e_tool: float | None
+    path: ToolPath, workspace: Workspace, max_tilt_deg: float, arm: Arm | None, tool: float | None
 ) -> Iterator[Fault]:
-    """Find where the tool leaves its limits: workspace, speed, tilt, and the reach of a UR10e; the worst place of each.
+    """Find where the tool leaves its limits: workspace, speed, tilt, and the reach of the arm; the worst place of each.
 
     Parameters
     ----------
@@ -33,8 +34,10 @@ def limit_faults(
         Limits in the coordinates of the robot's base.
     max_tilt_deg
         How far the tool may lean from the vertical of the print, where that is less than the workspace allows.
-    ur10e_tool
-        From the flange of a UR10e to the tip in mm; ``None`` for another robot.
+    arm
+        The robot, of `ARMS`; ``None`` for another one.
+    tool
+        From its flange to the tip in mm.
     """
     where = path.position @ workspace.base[:3, :3].T + workspace.base[:3, 3]
     outside = np.maximum(workspace.lower - where, where - workspace.upper).max(axis=1)
@@ -53,11 +56,11 @@ def limit_faults(
     n = int(np.argmax(tilt))
     if tilt[n] > allowed + 1e-4:
         yield Fault("tilt", None, f"the tool leans {tilt[n] - allowed:.3g} degrees too far at waypoint {n}")
-    if ur10e_tool is not None:
+    if arm is not None and tool is not None:
         turns = workspace.base[:3, :3] @ path.rotation
-        bad = np.flatnonzero(~within_reach(where - ur10e_tool * turns[:, :, 2], turns))
+        bad = np.flatnonzero(~within_reach(arm, where - tool * turns[:, :, 2], turns))
         if len(bad):
-            problem = f"waypoint {int(bad[0])} is out of a UR10e's reach, as are {len(bad) - 1} others"
+            problem = f"waypoint {int(bad[0])} is out of a {arm.name}'s reach, as are {len(bad) - 1} others"
             yield Fault("reach", None, problem)
 
 

@@ -1,4 +1,4 @@
-"""Which waypoints the arm of a UR10e can take at all: closed form here, and by compas_fab where it is installed.
+"""Which waypoints an arm of Universal Robots can take at all: in closed form, and by compas_fab where it is installed.
 
 Joint limits, collisions of the arm and the way from one waypoint to the next are not looked at.
 """
@@ -11,19 +11,18 @@ from typing import Any
 import numpy as np
 
 from frametwin.errors import InputError
+from frametwin.printing.toolpath.ur_arms import Arm
 from frametwin.printing.toolpath.waypoints import Waypoints
 from frametwin.printing.toolpath.workspace import Workspace
 
-D1, A2, A3, D4, D5, D6 = 180.7, 612.7, 571.55, 174.15, 119.85, 116.55
-"""Denavit-Hartenberg lengths of a UR10e in mm (Universal Robots, "DH parameters for calculations of kinematics and
-dynamics"); A2 and A3 without their signs."""
 
-
-def within_reach(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Tell for which poses the inverse kinematics of a UR10e has a solution.
+def within_reach(arm: Arm, position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Tell for which poses the inverse kinematics of an arm has a solution.
 
     Parameters
     ----------
+    arm : Arm
+        One of `ARMS`.
     position : (N, 3) array, mm
         Of the flange in the robot's base.
     rotation : (N, 3, 3) array
@@ -39,21 +38,21 @@ def within_reach(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     the fourth joint must be within reach of the two long links in the plane of the arm. (K. P. Hawkins, "Analytic
     inverse kinematics for the Universal Robots UR-5/UR-10 arms", Georgia Tech, 2013.)
     """
-    wrist = position - D6 * rotation[:, :, 2]
+    wrist = position - arm.d6 * rotation[:, :, 2]
     radius = np.hypot(wrist[:, 0], wrist[:, 1])
     result = np.zeros(len(position), dtype=bool)
     with np.errstate(invalid="ignore", divide="ignore"):
         for shoulder in (1.0, -1.0):
-            heading = np.arctan2(wrist[:, 1], wrist[:, 0]) + shoulder * np.arccos(D4 / radius) + 0.5 * np.pi
+            heading = np.arctan2(wrist[:, 1], wrist[:, 0]) + shoulder * np.arccos(arm.d4 / radius) + 0.5 * np.pi
             normal = np.stack([np.sin(heading), -np.cos(heading), np.zeros_like(heading)], axis=1)
             turned = np.clip(np.einsum("nx,nx->n", rotation[:, :, 2], normal), -1.0, 1.0)  # cosine of joint 5
             for flip in (1.0, -1.0):
-                result |= _arm_reaches(wrist, rotation, heading, normal, flip * np.sqrt(1.0 - turned**2))
-    return result & (radius >= D4)
+                result |= _arm_reaches(arm, wrist, rotation, heading, normal, flip * np.sqrt(1.0 - turned**2))
+    return result & (radius >= arm.d4)
 
 
 def _arm_reaches(
-    wrist: np.ndarray, rotation: np.ndarray, heading: np.ndarray, normal: np.ndarray, sine: np.ndarray
+    arm: Arm, wrist: np.ndarray, rotation: np.ndarray, heading: np.ndarray, normal: np.ndarray, sine: np.ndarray
 ) -> np.ndarray:
     """(N,) bool for one choice of joints 1 and 5; ``sine`` is that of joint 5."""
     # The fifth joint's axis is across the arm's normal and the flange's z; where those coincide any direction serves.
@@ -62,28 +61,30 @@ def _arm_reaches(
     free = size[:, 0] < 1e-9
     fifth = np.where(size < 1e-9, np.array([0.0, 0.0, -1.0]), across / np.maximum(size, 1e-12))
     fifth *= np.where(sine < 0.0, -1.0, 1.0)[:, None]
-    joint4 = wrist - D4 * normal - D5 * fifth  # in the plane of the two long links
+    joint4 = wrist - arm.d4 * normal - arm.d5 * fifth  # in the plane of the two long links
     outwards = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], axis=1)
-    far = np.hypot(np.einsum("nx,nx->n", joint4, outwards), joint4[:, 2] - D1)
-    slack = np.where(free, D5, 0.0)
-    return (far <= A2 + A3 + slack) & (far >= A2 - A3 - slack)
+    far = np.hypot(np.einsum("nx,nx->n", joint4, outwards), joint4[:, 2] - arm.d1)
+    slack = np.where(free, arm.d5, 0.0)
+    return (far <= arm.a2 + arm.a3 + slack) & (far >= abs(arm.a2 - arm.a3) - slack)
 
 
-def unreachable(waypoints: Waypoints, limits: Workspace, tool_length: float) -> np.ndarray:
-    """Rising numbers of the waypoints that a UR10e cannot take.
+def unreachable(waypoints: Waypoints, limits: Workspace, arm: Arm, tool_length: float) -> np.ndarray:
+    """Rising numbers of the waypoints that an arm cannot take.
 
     Parameters
     ----------
     waypoints, limits
         What to reach, and where the print stands in the robot's base.
+    arm
+        One of `ARMS`.
     tool_length
         From the flange to the nozzle's tip along the flange's z, mm.
     """
     position, rotation = _flange(waypoints, limits, tool_length)
-    return np.flatnonzero(~within_reach(position, rotation))
+    return np.flatnonzero(~within_reach(arm, position, rotation))
 
 
-def unreachable_by_compas_fab(waypoints: Waypoints, limits: Workspace, tool_length: float) -> np.ndarray:
+def unreachable_by_compas_fab(waypoints: Waypoints, limits: Workspace, arm: Arm, tool_length: float) -> np.ndarray:
     """As `unreachable`, with the analytical solver of compas_fab.
 
     Raises
@@ -93,13 +94,14 @@ def unreachable_by_compas_fab(waypoints: Waypoints, limits: Workspace, tool_leng
     """
     try:
         from compas.geometry import Frame
-        from compas_fab.backends.kinematics.solvers import UR10eKinematics
+        from compas_fab.backends.kinematics.solvers.offset_wrist_kinematics import OffsetWristKinematics
     except ImportError as error:
         problem, remedy = "is not installed", "install it, or ask for the built-in check"
         if compas_fab_is_installed():
             problem, remedy = f"cannot be imported ({error})", "install another version of it, or remove it"
         raise InputError.at("reach", "compas_fab", problem, remedy) from error
-    solver: Any = UR10eKinematics()
+    metres = [length / 1000.0 for length in (arm.d1, -arm.a2, -arm.a3, arm.d4, arm.d5, arm.d6)]
+    solver: Any = OffsetWristKinematics(metres)
     bad = []
     for n, (point, turn) in enumerate(
         zip(*frames_for_compas_fab(*_flange(waypoints, limits, tool_length)), strict=True)
@@ -130,8 +132,8 @@ def frames_for_compas_fab(position: np.ndarray, rotation: np.ndarray) -> tuple[n
     return position * half_turn / 1000.0, axes
 
 
-def check_reach(waypoints: Waypoints, limits: Workspace, tool_length: float) -> str:
-    """Refuse waypoints that a UR10e cannot take: by compas_fab where it is installed, else in closed form.
+def check_reach(waypoints: Waypoints, limits: Workspace, arm: Arm, tool_length: float) -> str:
+    """Refuse waypoints that an arm cannot take: by compas_fab where it is installed, else in closed form.
 
     Returns
     -------
@@ -144,9 +146,9 @@ def check_reach(waypoints: Waypoints, limits: Workspace, tool_length: float) -> 
     """
     installed = compas_fab_is_installed()
     look, by = (unreachable_by_compas_fab, "compas_fab") if installed else (unreachable, "built-in")
-    bad = look(waypoints, limits, tool_length)
+    bad = look(waypoints, limits, arm, tool_length)
     if len(bad):
-        problem = f"is out of a UR10e's reach with a tool of {tool_length:g} mm, as are {len(bad) - 1} others"
+        problem = f"is out of a {arm.name}'s reach with a tool of {tool_length:g} mm, as are {len(bad) - 1} others"
         remedy = "move the print nearer (the base), or plan the order with less tilt"
         raise limits.refusal(waypoints, int(bad[0]), problem, remedy)
     return by

@@ -18,6 +18,7 @@ from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.toolpath.exports import SUFFIXES, write_waypoints
 from frametwin.printing.toolpath.exports.assembly import write_assembly
 from frametwin.printing.toolpath.reach import check_reach
+from frametwin.printing.toolpath.ur_arms import ARMS
 from frametwin.printing.toolpath.waypoints import WaypointSettings, waypoints_of
 from frametwin.printing.toolpath.workspace import Workspace
 from frametwin.ranges import at_least, check_settings, one_of, some
@@ -27,6 +28,24 @@ SUMMARY = "summary.json"
 
 
 Formats = Annotated[tuple[Annotated[str, one_of(FORMATS)], ...], some(f"some of {', '.join(FORMATS)}")]
+
+ArmName = Annotated[str, one_of(ARMS)]
+ToolLength = Annotated[float, at_least(0.0, noun="millimetres")]
+
+
+def check_arm(arm: str | None, tool: float | None) -> None:
+    """Refuse an arm without a tool, and a tool without an arm.
+
+    Raises
+    ------
+    InputError
+        If just one of them is given.
+    """
+    if arm is not None and tool is None:
+        remedy = "give the length from the flange to the nozzle's tip in mm"
+        raise InputError.at("settings", "tool", f"is missing for the {ARMS[arm].name}", remedy)
+    if tool is not None and arm is None:
+        raise InputError.at("settings", "robot", "is missing for the tool", f"give one of {', '.join(ARMS)}")
 
 
 @dataclass(frozen=True)
@@ -41,23 +60,27 @@ class RobotSettings:
         How struts are laid.
     formats
         Of `FORMATS`; ``assembly`` is the whole plan and no waypoints.
-    ur10e_tool
-        From the flange of a UR10e to the nozzle's tip, along the flange's z, in mm: nothing that its arm cannot reach
-        is written either (see `reach`). ``None`` for another robot, whose reach nobody looks at.
+    arm
+        The robot, of `ARMS`: nothing that it cannot reach is written either (see `reach`). ``None`` for another robot,
+        whose reach nobody looks at.
+    tool
+        From the arm's flange to the nozzle's tip, along the flange's z, in mm.
 
     Raises
     ------
     InputError
-        If a format is unknown, or the tool has no length.
+        If a format or an arm is unknown, or an arm is given without a tool or a tool without an arm.
     """
 
     workspace: Workspace
     waypoints: WaypointSettings = WaypointSettings()
     formats: Formats = ("json", "urscript", "gcode")
-    ur10e_tool: Annotated[float, at_least(0.0, noun="millimetres")] | None = None
+    arm: ArmName | None = None
+    tool: ToolLength | None = None
 
     def __post_init__(self) -> None:
         check_settings(self)
+        check_arm(self.arm, self.tool)
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""
@@ -65,7 +88,8 @@ class RobotSettings:
             "workspace": self.workspace.as_dict(),
             "waypoints": dataclasses.asdict(self.waypoints),
             "formats": list(self.formats),
-            "ur10e_tool": self.ur10e_tool,
+            "arm": self.arm,
+            "tool": self.tool,
         }
 
     @classmethod
@@ -87,15 +111,22 @@ class RobotSettings:
             raise InputError.at(source, f"workspace.{field}", "is missing or unknown", "plan the job again")
         with told_of(source, "robot.waypoints"):
             waypoints = WaypointSettings(**convert_fields(WaypointSettings, data["waypoints"], source))
-        tool = data.get("ur10e_tool")
+        arm, tool = data.get("arm"), data.get("tool")
+        if "ur10e_tool" in data:  # written when there was but one arm
+            arm, tool = (None if data["ur10e_tool"] is None else "ur10e"), data["ur10e_tool"]
         with told_of(source, "robot.workspace"):
             workspace = Workspace(**data["workspace"])
         with told_of(source, "robot"):
-            return cls(workspace, waypoints, tuple(data["formats"]), tool)
+            return cls(workspace, waypoints, tuple(data["formats"]), arm, tool)
 
 
 def waypoint_file(batch: int, format: str) -> str:
-    """The name of a batch's file in one of the formats with waypoints."""
+    """The name of a batch's file in one of the formats with waypoints.
+
+    That of a program for ABB or KUKA is the program's own, and short enough for the oldest controllers (8.3).
+    """
+    if format in ("rapid", "krl"):
+        return f"ft_{batch:03d}{SUFFIXES[format]}"
     kind = "_compas" if format == "compas" else ""
     return f"batch_{batch:03d}{kind}{SUFFIXES[format]}"
 
@@ -143,8 +174,8 @@ def write_robot_files(
     waypoints = waypoints_of(plan, sequence, batch, wanted, design, rate=rate)
     settings.workspace.check(waypoints)
     reach = None
-    if settings.ur10e_tool is not None:
-        reach = check_reach(waypoints, settings.workspace, settings.ur10e_tool)
+    if settings.arm is not None and settings.tool is not None:
+        reach = check_reach(waypoints, settings.workspace, ARMS[settings.arm], settings.tool)
     names = []
     for name in settings.formats:
         if name == "assembly":

@@ -10,9 +10,13 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from frametwin.printing.toolpath.exports.compas import read_compas_frames, read_compas_moves
 from frametwin.printing.toolpath.exports.gcode import read_gcode
+from frametwin.printing.toolpath.exports.krl import read_krl
+from frametwin.printing.toolpath.exports.rapid import read_rapid
 from frametwin.printing.toolpath.exports.urscript import read_urscript
 from frametwin.printing.toolpath.exports.waypoints_json import read_waypoints
 from frametwin.printing.toolpath.workspace import Workspace
+
+_PROGRAMS = {"urscript": read_urscript, "rapid": read_rapid, "krl": read_krl}
 
 TURN_STEP = np.radians(1.0)
 """Largest turn of the tool between two sampled poses."""
@@ -103,8 +107,8 @@ def read_tool_path(path: Path, format: str, workspace: Workspace) -> ToolPath:
     if format == "json":
         points = read_waypoints(path)
         return ToolPath(points.position, points.rotation, points.speed, points.extrude)
-    if format == "urscript":
-        program = read_urscript(path)
+    if format in _PROGRAMS:
+        program = _PROGRAMS[format](path)
         turns = Rotation.from_rotvec(program.rotation_vector).as_matrix()
         return _from_base(program.position, turns, program.speed, program.extrude, workspace)
     if format == "gcode":

@@ -6,6 +6,8 @@ format        file           what
 ``json``      ``.json``      everything, in the coordinates of the print, mm; read back by `read_waypoints`
 ``urscript``  ``.script``    a program for controllers of Universal Robots: m, m/s, axis times angle
 ``gcode``     ``.gcode``     mm, relative extrusion; the tool's axis in comments
+``rapid``     ``.mod``       a module for controllers of ABB: mm, mm/s, quaternions
+``krl``       ``.src``       a program for controllers of KUKA: mm, m/s, angles A, B, C
 ``compas``    ``.json``      COMPAS frames, a graph of what is laid, m
 ============  =============  =============================================================================
 
@@ -18,7 +20,7 @@ from pathlib import Path
 
 from frametwin.errors import InputError
 from frametwin.files import PathLike, write_text
-from frametwin.printing.toolpath.exports import compas, gcode, urscript, waypoints_json
+from frametwin.printing.toolpath.exports import compas, gcode, krl, rapid, urscript, waypoints_json
 from frametwin.printing.toolpath.exports.waypoints_json import read_waypoints
 from frametwin.printing.toolpath.waypoints import Waypoints
 from frametwin.printing.toolpath.workspace import Workspace
@@ -26,9 +28,12 @@ from frametwin.printing.toolpath.workspace import Workspace
 __all__ = ["SUFFIXES", "read_waypoints", "write_waypoints"]
 
 _FORMATTERS = {
-    "json": waypoints_json.to_text, "urscript": urscript.to_text, "gcode": gcode.to_text, "compas": compas.to_text,
+    "json": waypoints_json.to_text, "urscript": urscript.to_text, "gcode": gcode.to_text, "rapid": rapid.to_text,
+    "krl": krl.to_text, "compas": compas.to_text,
 }  # fmt: skip
-SUFFIXES = {"json": ".json", "urscript": ".script", "gcode": ".gcode", "compas": ".json"}
+SUFFIXES = {
+    "json": ".json", "urscript": ".script", "gcode": ".gcode", "rapid": ".mod", "krl": ".src", "compas": ".json",
+}  # fmt: skip
 
 
 def write_waypoints(path: PathLike, waypoints: Waypoints, format: str, limits: Workspace) -> Path:
@@ -41,7 +46,7 @@ def write_waypoints(path: PathLike, waypoints: Waypoints, format: str, limits: W
     waypoints
         What to write.
     format
-        ``"json"``, ``"urscript"``, ``"gcode"`` or ``"compas"``.
+        One of `SUFFIXES`.
     limits
         Where the robot may go, how fast, and where the print stands in its base.
 

@@ -10,13 +10,13 @@ neighbours must not overlap). Blends stay inside of the corner that they cut, an
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
 from frametwin.errors import InputError
 from frametwin.files import PathLike, read_text
-from frametwin.printing.toolpath.waypoints import PRINT, Waypoints
+from frametwin.printing.toolpath.exports.robot_program import RobotProgram, blend_radii, rounded_down
+from frametwin.printing.toolpath.waypoints import Waypoints
 from frametwin.printing.toolpath.workspace import Workspace, rotation_vectors
 
 ACCELERATION = 0.5
@@ -25,10 +25,6 @@ ACCELERATION = 0.5
 OUTPUT = 0
 """Digital output of the extruder."""
 
-BLEND = 0.45
-"""Blend radius as a share of the shorter of the two ways at a waypoint. At a bend of 3 degrees and ways of 1.3 mm the
-tip passes the waypoint at 0.01 mm."""
-
 _NUMBER = r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?"
 _MOVE = re.compile(
     rf"movel\(p\[({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER})\], "
@@ -36,32 +32,6 @@ _MOVE = re.compile(
 )
 _OUTPUT = re.compile(r"set_standard_digital_out\((\d+), (True|False)\)")
 _SLEEP = re.compile(rf"sleep\(({_NUMBER})\)")
-
-
-@dataclass(frozen=True, eq=False)
-class RobotProgram:
-    """What a program makes the robot do.
-
-    Attributes
-    ----------
-    position : (N, 3) array, mm
-        In the robot's base.
-    rotation_vector : (N, 3) array, rad
-        Axis times angle.
-    speed : (N,) array, mm/s
-    extrude : (N,) bool array
-        Material flows from the arrival on.
-    dwell : (N,) array, s
-    blend : (N,) array, mm
-        Radius within which the tip cuts the corner; 0 where it stops.
-    """
-
-    position: np.ndarray
-    rotation_vector: np.ndarray
-    speed: np.ndarray
-    extrude: np.ndarray
-    dwell: np.ndarray
-    blend: np.ndarray
 
 
 def to_text(waypoints: Waypoints, limits: Workspace) -> str:
@@ -81,7 +51,7 @@ def to_text(waypoints: Waypoints, limits: Workspace) -> str:
     for pose, speed, extrude, dwell, blend in rows:
         numbers = ", ".join(f"{value:.9f}" for value in pose)
         rounded = f", r={int(blend * 1e3) / 1e6:.6f}" if blend >= 1e-3 else ""
-        lines.append(f"  movel(p[{numbers}], a={ACCELERATION}, v={_rounded_down(speed / 1000.0)}{rounded})")
+        lines.append(f"  movel(p[{numbers}], a={ACCELERATION}, v={rounded_down(speed / 1000.0, 6)}{rounded})")
         if extrude != flows:
             lines.append(f"  set_standard_digital_out({OUTPUT}, {extrude})")
             flows = extrude
@@ -89,18 +59,6 @@ def to_text(waypoints: Waypoints, limits: Workspace) -> str:
             lines.append(f"  sleep({dwell:.3f})")
     lines += [f"  set_standard_digital_out({OUTPUT}, False)", "end", f"{name}()"]
     return "\n".join(lines) + "\n"
-
-
-def blend_radii(waypoints: Waypoints) -> np.ndarray:
-    """Find blend radii (N,) in mm: within a strut, where nothing is switched or awaited; 0 elsewhere."""
-    result = np.zeros(len(waypoints))
-    inner, after = np.arange(1, len(waypoints) - 1), np.arange(2, len(waypoints))
-    way = np.linalg.norm(np.diff(waypoints.position, axis=0), axis=1)
-    passes = (waypoints.kind[inner] == PRINT) & (waypoints.kind[after] == PRINT)
-    passes &= (waypoints.strut[inner] == waypoints.strut[after]) & (waypoints.dwell[inner] == 0.0)
-    passes &= waypoints.extrude[inner] == waypoints.extrude[inner - 1]
-    result[inner] = np.where(passes, BLEND * np.minimum(way[:-1], way[1:]), 0.0)
-    return result
 
 
 def read_urscript(path: PathLike) -> RobotProgram:
@@ -141,8 +99,3 @@ def read_urscript(path: PathLike) -> RobotProgram:
         dwell=np.array(dwell),
         blend=np.array(blend) * 1000.0,
     )
-
-
-def _rounded_down(speed: float) -> str:
-    """Six digits after the point, never faster than asked for, and never still."""
-    return f"{max(1, int(speed * 1e6 + 1e-6)) / 1e6:.6f}"

@@ -1,0 +1,113 @@
+"""Waypoints as a RAPID module for controllers of ABB, and the parser that reads one back.
+
+Lengths are in mm, speeds in mm/s, orientations unit quaternions (w, x, y, z), all in the world's axes, which are taken
+to be the robot's base. The module asks for two things that the system must have: the tool ``ft_tool``, whose centre
+point is the nozzle's tip, z out of it, and the digital output ``ft_extruder``. Moves stop at their waypoints but within
+a strut, where a zone lets the tip pass; nothing is switched in a zone, since an output is set as soon as that is
+entered. The arm's configuration is not watched (``ConfL \\Off``), and near a singular wrist the tool may lean a little
+while the tip keeps to its way (``SingArea \\Wrist``).
+
+Source: ABB, Technical reference manual "RAPID Instructions, Functions and Data types" (MoveL, robtarget, speeddata,
+zonedata, SetDO, WaitTime, ConfL) and "RAPID Overview" (names of up to 32 characters).
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from frametwin.errors import InputError
+from frametwin.files import PathLike, read_text
+from frametwin.printing.toolpath.exports.robot_program import RobotProgram, heading, moves_of, rounded_down
+from frametwin.printing.toolpath.waypoints import Waypoints
+from frametwin.printing.toolpath.workspace import Workspace
+
+TOOL, OUTPUT = "ft_tool", "ft_extruder"
+"""Names of the tool and of the extruder's digital output in the robot's system."""
+
+TURN_SPEED = 500.0
+"""degrees/s, the fastest turn of the tool; the tip's speed is what limits moves."""
+
+_AXES = "[9E9,9E9,9E9,9E9,9E9,9E9]"  # no external ones
+_NUMBER = r"-?\d+\.\d+"
+_MOVE = re.compile(
+    rf"MoveL \[\[({_NUMBER}),({_NUMBER}),({_NUMBER})\],\[({_NUMBER}),({_NUMBER}),({_NUMBER}),({_NUMBER})\],"
+    rf"\[0,0,0,0\],{re.escape(_AXES)}\], \[({_NUMBER}),{_NUMBER},5000,1000\], "
+    rf"(?:fine|\[FALSE,({_NUMBER}),{_NUMBER},{_NUMBER},{_NUMBER},{_NUMBER},{_NUMBER}\]), {TOOL} \\WObj:=wobj0;"
+)
+_OUTPUT = re.compile(rf"SetDO {OUTPUT}, ([01]);")
+_WAIT = re.compile(rf"WaitTime \\InPos, ({_NUMBER});")
+_OTHER = re.compile(r"MODULE \w+|PROC \w+\(\)|ENDPROC|ENDMODULE|ConfL \\Off;|SingArea \\Wrist;|!.*|")
+
+
+def to_text(waypoints: Waypoints, limits: Workspace) -> str:
+    """The module's text; positions to a nanometre."""
+    name = f"ft_{waypoints.batch:03d}"
+    says = [*heading(waypoints), f"needs tooldata {TOOL} (tip of the nozzle, z out of it) and signal {OUTPUT}"]
+    lines = [f"MODULE {name}", *(f"  ! {line}" for line in says), f"  PROC {name}_run()"]
+    body = ["ConfL \\Off;", "SingArea \\Wrist;", f"SetDO {OUTPUT}, 0;"]
+    for move in moves_of(waypoints, limits):
+        x, y, z, w = Rotation.from_matrix(move.rotation).as_quat()
+        place = ",".join(f"{value:.6f}" for value in move.position)
+        turn = ",".join(f"{value:.9f}" for value in (w, x, y, z))
+        speed = f"[{rounded_down(move.speed, 3)},{TURN_SPEED:.1f},5000,1000]"
+        target = f"[[{place}],[{turn}],[0,0,0,0],{_AXES}]"
+        body.append(f"MoveL {target}, {speed}, {_zone(move.blend)}, {TOOL} \\WObj:=wobj0;")
+        if move.switch is not None:
+            body.append(f"SetDO {OUTPUT}, {int(move.switch)};")
+        if move.dwell > 0.0:
+            body.append(f"WaitTime \\InPos, {move.dwell:.3f};")
+    body.append(f"SetDO {OUTPUT}, 0;")
+    lines += [f"    {line}" for line in body]
+    return "\n".join([*lines, "  ENDPROC", "ENDMODULE"]) + "\n"
+
+
+def read_rapid(path: PathLike) -> RobotProgram:
+    """Read a module of the kind that `to_text` writes.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or holds a line of another kind.
+    """
+    rows: list[list[float]] = []
+    extrude: list[bool] = []
+    dwell: list[float] = []
+    flows = False
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        text = line.strip()
+        if match := _MOVE.fullmatch(text):
+            rows.append([float(word or 0.0) for word in match.groups()])
+            extrude.append(flows)
+            dwell.append(0.0)
+        elif match := _OUTPUT.fullmatch(text):
+            flows = match.group(1) == "1"
+            if extrude:
+                extrude[-1] = flows
+        elif (match := _WAIT.fullmatch(text)) and dwell:
+            dwell[-1] += float(match.group(1))
+        elif not _OTHER.fullmatch(text):
+            problem = f"{text[:60]!r} is not understood"
+            raise InputError.at(path, f"line {number}", problem, "give a program of FrameTwin")
+    table = np.array(rows, dtype=np.float64).reshape(-1, 9)
+    if (np.abs(np.linalg.norm(table[:, 3:7], axis=1) - 1.0) > 1e-6).any():
+        raise InputError.at(path, "robtarget", "an orientation is no unit quaternion", "give a program of FrameTwin")
+    turns = Rotation.from_quat(table[:, [4, 5, 6, 3]]) if len(table) else Rotation.identity(0)
+    return RobotProgram(
+        position=table[:, :3],
+        rotation_vector=turns.as_rotvec(),
+        speed=table[:, 7],
+        extrude=np.array(extrude, dtype=bool),
+        dwell=np.array(dwell),
+        blend=table[:, 8],
+    )
+
+
+def _zone(radius: float) -> str:
+    """A zone whose parts for the tip and for turns are the same, in mm and degrees; ``fine`` for a stop."""
+    if radius == 0.0:
+        return "fine"
+    size = f"{int(radius * 1e3) / 1e3:.3f}"
+    return f"[FALSE,{size},{size},{size},0.100,{size},0.100]"

@@ -1,0 +1,116 @@
+"""What programs for robots have in common: the moves in them, blends, and speeds that are never rounded up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from frametwin.printing.toolpath.waypoints import PRINT, Waypoints
+from frametwin.printing.toolpath.workspace import Workspace
+
+BLEND = 0.45
+"""Blend radius as a share of the shorter of the two ways at a waypoint. At a bend of 3 degrees and ways of 1.3 mm the
+tip passes the waypoint at 0.01 mm."""
+
+LEAST_BLEND = 1e-3
+"""mm; shorter ones are stops."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotProgram:
+    """What a program makes the robot do.
+
+    Attributes
+    ----------
+    position : (N, 3) array, mm
+        In the robot's base.
+    rotation_vector : (N, 3) array, rad
+        Axis times angle.
+    speed : (N,) array, mm/s
+    extrude : (N,) bool array
+        Material flows from the arrival on.
+    dwell : (N,) array, s
+    blend : (N,) array, mm
+        Radius within which the tip cuts the corner; 0 where it stops.
+    """
+
+    position: np.ndarray
+    rotation_vector: np.ndarray
+    speed: np.ndarray
+    extrude: np.ndarray
+    dwell: np.ndarray
+    blend: np.ndarray
+
+
+@dataclass(frozen=True)
+class Move:
+    """A straight move, and what is done after it.
+
+    Attributes
+    ----------
+    position : list of 3 floats, mm
+        In the robot's base.
+    rotation : (3, 3) array
+        Of the tool in the base; z points out of the nozzle.
+    speed : float, mm/s
+    blend : float, mm
+        0 for a stop.
+    switch : bool or None
+        Whether material flows from here on, where that changes.
+    dwell : float, s
+    """
+
+    position: list[float]
+    rotation: np.ndarray
+    speed: float
+    blend: float
+    switch: bool | None
+    dwell: float
+
+
+def moves_of(waypoints: Waypoints, limits: Workspace) -> Iterator[Move]:
+    """The moves of waypoints in the robot's base, from one without material on."""
+    flows = False
+    rows = zip(
+        limits.positions(waypoints).tolist(),
+        limits.rotations(waypoints),
+        waypoints.speed.tolist(),
+        blend_radii(waypoints).tolist(),
+        waypoints.extrude.tolist(),
+        waypoints.dwell.tolist(),
+        strict=True,
+    )
+    for position, rotation, speed, blend, extrude, dwell in rows:
+        switch = extrude if extrude != flows else None
+        yield Move(position, rotation, speed, blend if blend >= LEAST_BLEND else 0.0, switch, dwell)
+        flows = extrude
+
+
+def blend_radii(waypoints: Waypoints) -> np.ndarray:
+    """Find blend radii (N,) in mm: within a strut, where nothing is switched or awaited; 0 elsewhere."""
+    result = np.zeros(len(waypoints))
+    inner, after = np.arange(1, len(waypoints) - 1), np.arange(2, len(waypoints))
+    way = np.linalg.norm(np.diff(waypoints.position, axis=0), axis=1)
+    passes = (waypoints.kind[inner] == PRINT) & (waypoints.kind[after] == PRINT)
+    passes &= (waypoints.strut[inner] == waypoints.strut[after]) & (waypoints.dwell[inner] == 0.0)
+    passes &= waypoints.extrude[inner] == waypoints.extrude[inner - 1]
+    result[inner] = np.where(passes, BLEND * np.minimum(way[:-1], way[1:]), 0.0)
+    return result
+
+
+def rounded_down(value: float, digits: int) -> str:
+    """So many digits after the point, never more than asked for, and never 0."""
+    unit = 10**digits
+    return f"{max(1, int(value * unit + 1e-6)) / unit:.{digits}f}"
+
+
+def heading(waypoints: Waypoints) -> list[str]:
+    """What a program says about itself, a line each, in words that any comment takes."""
+    struts = [str(strut) for strut in waypoints.struts]
+    shown = " ".join(struts[:12]) + (" ..." if len(struts) > 12 else "")
+    return [
+        f"FrameTwin, batch {waypoints.batch}, {len(struts)} struts: {shown}",
+        f"{len(waypoints)} waypoints, about {waypoints.seconds:.0f} s; mm in the robot's base",
+    ]
