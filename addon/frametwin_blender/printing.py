@@ -14,9 +14,10 @@ from frametwin.formats import frame_json
 from frametwin.printing.records.history import PrintHistory, read_history
 
 from . import session
+from .computing import can_compute, worker_job
 from .folders import fresh_folder, given_folder, work_folder
 from .in_view import hide_for_jobs
-from .preferences import can_compute, draw_python, worker_job
+from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
 TITLE = "Print"
