@@ -123,7 +123,7 @@ def test_the_environment_that_was_set_up_is_the_one_in_use(
 def test_a_worker_of_another_version(tab: Any, session: Any, tmp_path: Path) -> None:
     ready = '{"event": "ready", "protocol": 1, "frametwin": "9.9.9", "jobs": []}'
     fake = script(tmp_path / "python", f"echo '{ready}'; exec sleep 60")
-    cases.addon("preferences").preferences_of().python = fake
+    cases.addon("computing").preferences_of().python = fake
     before = cases.scene_state()
     ops.fit()
     words = cases.pump_until_done()
@@ -136,7 +136,7 @@ def test_a_worker_of_another_version(tab: Any, session: Any, tmp_path: Path) -> 
 @posix
 def test_a_python_without_frametwin(tab: Any, session: Any, tmp_path: Path) -> None:
     bare = script(tmp_path / "python", f'exec "{sys.executable}" -S -I "$@"')
-    cases.addon("preferences").preferences_of().python = bare
+    cases.addon("computing").preferences_of().python = bare
     ops.fit()
     assert cases.pump_until_done() == f"{bare}: frametwin: is not installed there; {REMEDY}."
 
