@@ -122,7 +122,7 @@ def is_for(wheel: Path, python: str) -> bool:
     if "py3" in tag.split("."):
         return True
     digits = python.replace(".", "")
-    return tag == f"cp{digits}" or (interface == "abi3" and int(tag.removeprefix("cp3")) <= int(digits[1:]))
+    return tag == interface == f"cp{digits}" or (interface == "abi3" and int(tag.removeprefix("cp3")) <= int(digits[1:]))
 
 
 def package_of(wheel: Path) -> str:

@@ -13,7 +13,7 @@ from . import session
 from .computing import environment_folder, forget, preferences_of, set_up_python
 from .steps import Step, needs, write_text
 
-COST = "about 200 MB to load, 1.3 GB on the disk, three minutes"
+COST = "about 350 MB to load, 1.4 GB on the disk, three minutes"
 LOG = "FrameTwin Set Up"
 INDEX = Installation.__dataclass_fields__["torch_index"].default
 
