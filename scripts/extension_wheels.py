@@ -121,8 +121,8 @@ def is_for(wheel: Path, python: str) -> bool:
     tag, interface = wheel.stem.split("-")[-3:-1]
     if "py3" in tag.split("."):
         return True
-    digits = python.replace(".", "")
-    return tag == interface == f"cp{digits}" or (interface == "abi3" and int(tag.removeprefix("cp3")) <= int(digits[1:]))
+    minor = python.partition(".")[2]
+    return tag == interface == f"cp3{minor}" or (interface == "abi3" and int(tag.removeprefix("cp3")) <= int(minor))
 
 
 def package_of(wheel: Path) -> str:
