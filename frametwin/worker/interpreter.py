@@ -119,6 +119,28 @@ def find_python(given: str | os.PathLike[str] | None = None, *, remedy: str = RE
     return running
 
 
+def find_interpreter(given: str | os.PathLike[str] | None = None, *, torch: bool = True) -> Interpreter:
+    """As `find_python`, but where nothing is named the running Python serves with what lies on its path.
+
+    Parameters
+    ----------
+    given
+        As there.
+    torch
+        Whether PyTorch is needed.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+    if not (given and str(given).strip()) and not os.environ.get(VARIABLE, "").strip():
+        own = running_interpreter(NEEDED if torch else WITHOUT_TORCH)
+        if own is not None:
+            return own
+    return Interpreter(find_python(given))
+
+
 def _program(given: str, field: str, remedy: str) -> str:
     path = Path(given).expanduser()
     if path.is_dir():

@@ -19,6 +19,7 @@ from frametwin.worker.interpreter import (
     VARIABLE,
     WITHOUT_TORCH,
     Interpreter,
+    find_interpreter,
     running_interpreter,
     worker_environment,
 )
@@ -156,8 +157,15 @@ def test_the_running_python_with_the_folders_of_its_packages(monkeypatch: pytest
     assert beside is None or Path(beside.python).name.startswith("python")
 
 
-def test_a_python_of_its_own_needs_no_folders() -> None:
+def test_a_python_of_its_own_needs_no_folders(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Interpreter("/usr/bin/python3").environment == {}
+    assert find_interpreter(sys.executable) == Interpreter(os.path.abspath(sys.executable))
+    monkeypatch.setenv(VARIABLE, sys.executable)
+    assert find_interpreter(torch=False) == Interpreter(os.path.abspath(sys.executable))
+    monkeypatch.delenv(VARIABLE)
+    own = running_interpreter(WITHOUT_TORCH)
+    if own is not None:
+        assert find_interpreter(torch=False) == own and own.folders
     assert set(WITHOUT_TORCH) < set(NEEDED) and "torch" not in WITHOUT_TORCH
 
 
