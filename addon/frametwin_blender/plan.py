@@ -7,6 +7,7 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
+from frametwin.blender.frames.mesh_files import IMPORTERS, read_mesh_file
 from frametwin.blender.frames.plan_objects import (
     PlanSummary,
     add_plan,
@@ -25,6 +26,13 @@ from frametwin.geometry.wireframe import Wireframe
 from .in_view import make_way
 from .steps import FileStep, Panel, Step, draw_chosen, needs, plan_of, settings_of, write_text
 from .views import see, suit_millimetres
+
+NO_FRAMES = {
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".bmp", ".webp"), "a picture"),
+    **dict.fromkeys((".blend", ".blend1"), "a file of Blender"),
+    **dict.fromkeys((".zip", ".gz", ".7z", ".whl"), "an archive"),
+}
+"""Files that are chosen by mistake, and what they are."""
 
 UNREADABLE = "unreadable"
 """Kind of the problem of a plan that cannot be read at all."""
@@ -94,7 +102,7 @@ class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
-        default="*.json;*.obj;*.txt;*.stl;*.ply;*.off", options={"HIDDEN"}
+        default="*.json;*.obj;*.txt;*.stl;*.ply;*.off;*.glb;*.gltf", options={"HIDDEN"}
     )
 
     def act(self, context: bpy.types.Context) -> str:
@@ -102,16 +110,18 @@ class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
 
 
 def read_importable(path: Path) -> Wireframe:
-    """Read a frame file in Blender, where other meshes than OBJ are read by Blender itself.
+    """Read a frame file in Blender, which imports meshes itself where it can.
 
     Raises
     ------
     InputError
-        As `read_frame`; for meshes, with the way by which they become a plan.
+        As `read_frame` and `read_mesh_file`; if it is of a kind that holds no frame.
     """
-    if path.suffix.lower() in (".stl", ".ply", ".off", ".glb", ".gltf"):
-        remedy = "import it by File > Import, select it, and press Use Selected"
-        raise InputError.at(path, "file", "is a mesh, which Blender itself imports", remedy)
+    suffix = path.suffix.lower()
+    if suffix in NO_FRAMES:
+        raise InputError.at(path, "file", f"is {NO_FRAMES[suffix]}, which holds no frame", "choose a frame or a mesh")
+    if suffix in IMPORTERS:
+        return read_mesh_file(path)
     return read_frame(path)
 
 

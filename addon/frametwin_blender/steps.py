@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +47,8 @@ class FileStep(Step):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.filepath:
             return self.execute(context)
+        # A folder alone: of no path at all, Blender would make the name of the .blend file.
+        self.filepath = os.path.join(os.path.dirname(bpy.data.filepath) or os.path.expanduser("~"), "")
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

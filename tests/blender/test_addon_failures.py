@@ -234,7 +234,18 @@ def test_files_that_cannot_be_used(tab: Any, tmp_path: Path) -> None:
     for operator in (ops.import_frame, ops.import_cameras):
         assert "damaged.json" in cases.refused(operator, filepath=str(damaged))
         assert "nowhere.json" in cases.refused(operator, filepath=str(tmp_path / "nowhere.json"))
-    assert "press Use Selected" in cases.refused(ops.import_frame, filepath=str(tmp_path / "mesh.stl"))
+    for name, words in (
+        ("mesh.stl", "does not exist"),
+        ("picture.png", "is a picture, which holds no frame; choose a frame or a mesh."),
+        ("scene.blend", "is a file of Blender"),
+        ("print.3mf", "file: "),
+        ("cut.stl", "Blender cannot read it"),
+        ("cut.off", "file: "),
+    ):
+        if name != "mesh.stl":
+            (tmp_path / name).write_bytes(b"\x89PNG\r\n\x1a\n" * 3)
+        said = cases.refused(ops.import_frame, filepath=str(tmp_path / name))
+        assert f"{name}: file: " in said and words in said and said.strip().endswith(".")
     assert "twin.json: file: the file does not exist" in cases.refused(ops.import_run, directory=str(tmp_path))
     tab.fit.capture = "//capture"
     assert "save the file" in cases.refused(ops.fit)

@@ -84,6 +84,15 @@ def test_from_nothing_to_an_inspected_twin(tab: Any, scene: Any, tmp_path: Path)
     assert tab.twin is None and not [c for c in bpy.data.collections if is_twin(c) and c != again.collection]
 
 
+def test_a_mesh_file_becomes_the_plan(tab: Any, tmp_path: Path) -> None:
+    lines = [f"vertex {x} {y} {z}" for x, y, z in ((0, 0, 0), (30, 0, 0), (0, 40, 5))]
+    text = "\n".join(["solid a", "facet normal 0 0 0", "outer loop", *lines, "endloop", "endfacet", "endsolid a"])
+    (tmp_path / "corner.stl").write_text(text)
+    ops.import_frame(filepath=str(tmp_path / "corner.stl"))
+    assert (tab.plan.type, tab.plan.name, tab.about_plan.struts) == ("CURVE", "corner", 3)
+    assert [obj.name for obj in bpy.context.selected_objects] == ["corner"] and len(bpy.data.objects) == 1
+
+
 def capture_defects(capture: str) -> list[int]:
     import json
 
