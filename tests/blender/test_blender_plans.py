@@ -134,6 +134,29 @@ def test_what_is_scaled_to_nothing_is_no_plan(scene: Any, link: Link, kind: str)
 # Meshes
 
 
+@pytest.mark.parametrize("how", ["restricted", "eye"])
+@pytest.mark.parametrize("parent", [False, True])
+def test_what_is_hidden_is_read_as_it_would_be_shown(scene: Any, link: Link, how: str, parent: bool) -> None:
+    obj = wireframe_to_curve(Wireframe.create(1000.0 * np.array(CUBE), CUBE_EDGES))
+    mover = obj
+    if parent:
+        mover = link("parent", None)
+        obj.parent, obj.location = mover, (0.5, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    for each in {obj, mover}:
+        each.hide_viewport = how == "restricted"
+        each.hide_set(how == "eye")
+    bpy.context.view_layer.update()
+    mover.scale, mover.rotation_euler.z, mover.location = (3.0, 3.0, 3.0), 0.4, (0.1, 0.2, 0.3)
+    hidden = plan_from_object(obj)
+    low, high = hidden.bounds
+    assert high[2] - low[2] == pytest.approx(300.0, abs=FINE)
+    for each in {obj, mover}:
+        each.hide_viewport = False
+        each.hide_set(False)
+    np.testing.assert_allclose(hidden.vertices, plan_from_object(obj).vertices, atol=10 * FINE)
+
+
 def test_the_edges_of_a_mesh_are_straight_struts(scene: Any, link: Link) -> None:
     obj = mesh_object(link, [*CUBE, (9.0, 9.0, 9.0)])
     plan = plan_from_object(obj)
