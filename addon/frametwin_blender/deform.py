@@ -19,7 +19,7 @@ from .in_view import hide_plan
 from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, draw_shown, needs, plan_of, print_of, settings_of, write_text
 
-TITLE = "Sag"
+TITLE = "Deform"
 
 
 def sag_job(context: bpy.types.Context) -> Job:

@@ -114,7 +114,9 @@ def words_of(content: TwinContent) -> str:
     faults = [
         f"{len(found)} {name}" for name, found in (("missing", content.missing), ("uncertain", content.uncertain))
     ]
-    return f"{len(moved)} struts found, {np.mean(moved):.3g} mm from the plan on average; {', '.join(faults)}"
+    whole = len(moved) - len(content.missing)
+    distance = f"{np.mean(moved):.3g} mm from the plan on average"
+    return f"{whole} of {len(moved)} struts found whole, {distance}; {', '.join(faults)}"
 
 
 class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):

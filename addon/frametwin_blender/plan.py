@@ -49,9 +49,9 @@ def take_plan(context: bpy.types.Context, obj: bpy.types.Object, summary: PlanSu
 
 
 def words_of(summary: PlanSummary) -> str:
-    """Whether the plan is sound, in words."""
+    """Whether anything is wrong with the plan, in words."""
     count = len(summary.problems)
-    return f"{count} thing{'s' if count > 1 else ''} to look at" if count else "the plan is sound"
+    return f"{count} thing{'s' if count > 1 else ''} to look at" if count else "nothing is wrong with it"
 
 
 def note_summary(about: bpy.types.PropertyGroup, obj: bpy.types.Object, summary: PlanSummary) -> None:
@@ -260,7 +260,7 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
                 box.operator("frametwin.select_culprits", text="Select").kind = problem.kind
         row = layout.row(align=True)
         if not about.problems:
-            row.label(text="Sound", icon="CHECKMARK")
+            row.label(text="No Problems", icon="CHECKMARK")
         row.operator("frametwin.check_plan", icon="FILE_REFRESH")
 
 

@@ -116,7 +116,7 @@ def plan_print_job(context: bpy.types.Context) -> Job:
 
     def finish(answer: dict[str, Any]) -> Steps:
         scene_now().frametwin.print.job = str(answer["out"])
-        return f"Job {answer['out']}: print its first batch, take the pictures, then Answer"
+        return f"Job {answer['out']}: print its first batch, take the pictures, then Fit and Adapt"
         yield
 
     return worker_job(TITLE, "print-plan", {"frame": frame, "settings": wanted}, finish, out=out)
@@ -190,7 +190,7 @@ class FRAMETWIN_OT_answer_print(_JobStep, bpy.types.Operator):
     """Find the twin of the batch that was printed last, move what follows, and write the next waypoints"""
 
     bl_idname = "frametwin.answer_print"
-    bl_label = "Answer"
+    bl_label = "Fit and Adapt"
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
