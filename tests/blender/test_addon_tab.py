@@ -93,6 +93,19 @@ def test_a_mesh_file_becomes_the_plan(tab: Any, tmp_path: Path) -> None:
     assert [obj.name for obj in bpy.context.selected_objects] == ["corner"] and len(bpy.data.objects) == 1
 
 
+def test_the_view_suits_millimetres_and_shows_the_rig(tab: Any) -> None:
+    space = next(area.spaces.active for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    ops.use_millimetres()
+    assert space.overlay.grid_scale_unit == pytest.approx(10.0)  # a centimetre
+    ops.add_frame()
+    before = space.region_3d.view_distance
+    ops.make_rig()
+    view = space.region_3d
+    middle = np.array(view.view_location)
+    farthest = max(np.linalg.norm(camera.centre - middle) for camera in cameras_from_collection(tab.rig))
+    assert view.view_distance > max(before, farthest)
+
+
 def capture_defects(capture: str) -> list[int]:
     import json
 
