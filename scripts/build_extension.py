@@ -1,8 +1,13 @@
-"""Build frametwin-VERSION.zip, the Blender extension, and check it with Blender's own extension tool.
+"""Build frametwin-VERSION-PLATFORM.zip, the Blender extension, and check it with Blender's own extension tool.
 
-    python scripts/build_extension.py --out DIR
+    python scripts/build_extension.py --out DIR                           for this computer's platform
+    python scripts/build_extension.py --platform windows-x64 --out DIR    for another one
+    python scripts/build_extension.py --store --out DIR                   without Set Up: it never uses the network
+    python scripts/build_extension.py --bare --out DIR                    without wheels, for a Python of one's own
+    python scripts/build_extension.py --repository DIR                    an index of the zips in DIR, to be served
 
-Run it with a Python that has the bpy wheel, and hatchling (without hatchling, pip fetches it).
+The zip carries the wheels of addon/wheels.txt, which pip fetches once. Run it with a Python that has the bpy wheel, and
+hatchling (without hatchling, pip fetches it).
 """
 
 from __future__ import annotations
@@ -10,24 +15,72 @@ from __future__ import annotations
 import argparse
 import ast
 import importlib.util
+import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # where this project is not installed
+
+from scripts.extension_wheels import PLATFORMS, PYTHONS, STORE, WheelError, fetch
 
 ROOT = Path(__file__).resolve().parent.parent
 ADDON = ROOT / "addon" / "frametwin_blender"
 MANIFEST = ROOT / "blender_manifest.toml"
+NETWORK = "network = "
+"""How the line of the manifest begins that asks for the network."""
+
+OF_SET_UP = ("set_up.py", "constraints.txt")
+"""What the edition without Set Up leaves out."""
 
 
 class BuildError(Exception):
     """The extension cannot be built; the message says why."""
 
 
-def build(out: Path) -> Path:
+@dataclass(frozen=True)
+class Edition:
+    """Which extension is built.
+
+    Attributes
+    ----------
+    platform
+        Blender's name of the platform; empty for a zip without wheels, which is for all of them.
+    pythons
+        Versions of Python for which there are wheels.
+    store
+        Whether Set Up and the network are left out.
+    """
+
+    platform: str
+    pythons: Sequence[str] = PYTHONS
+    store: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of the zip, without its suffix."""
+        others = [f"python{python}" for python in self.pythons] if tuple(self.pythons) != PYTHONS else []
+        words = ["frametwin", project_version(), *(["store"] if self.store else [])]
+        return "-".join([*words, *([self.platform.replace("-", "_"), *others] if self.platform else [])])
+
+
+def build(out: Path, edition: Edition, wheels: Path = STORE) -> Path:
     """Build and validate the zip; an older one is replaced only by a valid one.
+
+    Parameters
+    ----------
+    out
+        The folder for it.
+    edition
+        What it is.
+    wheels
+        The folder in which fetched wheels are kept.
 
     Returns
     -------
@@ -35,24 +88,64 @@ def build(out: Path) -> Path:
 
     Raises
     ------
-    BuildError
+    BuildError, WheelError
         If a tool is missing or one of them fails.
     """
-    tool, version = extension_tool(), project_version()
+    tool = extension_tool()
+    carried = fetch(edition.platform, edition.pythons, wheels) if edition.platform else []
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=".build-") as scratch:
-        stage, made = Path(scratch, "stage"), Path(scratch, f"frametwin-{version}.zip")
-        shutil.copytree(ADDON, stage, ignore=shutil.ignore_patterns("__pycache__"))
-        for extra in ("constraints.txt", "LICENSE"):
-            shutil.copy(ROOT / extra, stage)
-        manifest = MANIFEST.read_text(encoding="utf-8").replace("{version}", version)
-        (stage / MANIFEST.name).write_text(manifest, encoding="utf-8")
-        isolation = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
-        run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", *isolation, "-w", stage / "wheels", ROOT)
+        stage, made = Path(scratch, "stage"), Path(scratch, f"{edition.name}.zip")
+        lay_out(stage, edition, carried)
         run(sys.executable, tool, "build", "--source-dir", stage, "--output-filepath", made)
         run(sys.executable, tool, "validate", made)
         os.replace(made, out / made.name)
         return out / made.name
+
+
+def lay_out(stage: Path, edition: Edition, carried: Sequence[Path]) -> None:
+    """Put everything that belongs into the zip into a folder."""
+    shutil.copytree(ADDON, stage, ignore=shutil.ignore_patterns("__pycache__"))
+    for extra in ("constraints.txt", "LICENSE"):
+        shutil.copy(ROOT / extra, stage)
+    if edition.store:
+        for name in OF_SET_UP:
+            (stage / name).unlink()
+    isolation = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
+    run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", *isolation, "-w", stage / "wheels", ROOT)
+    for wheel in carried:
+        shutil.copy(wheel, stage / "wheels")
+    names = sorted(path.name for path in (stage / "wheels").iterdir())
+    (stage / MANIFEST.name).write_text(manifest_of(edition, names), encoding="utf-8")
+
+
+def manifest_of(edition: Edition, wheels: Sequence[str]) -> str:
+    """The manifest, with the version, the wheels and the platform put in."""
+    lines = MANIFEST.read_text(encoding="utf-8").replace("{version}", project_version()).splitlines()
+    if edition.store:
+        lines = [line for line in lines if not line.startswith(NETWORK)]
+    at = lines.index("wheels = []")
+    lines[at : at + 1] = ["wheels = [", *(f'  "./wheels/{name}",' for name in wheels), "]"]
+    if edition.platform:
+        lines.insert(at, f'platforms = ["{edition.platform}"]')
+    return "\n".join(lines) + "\n"
+
+
+def make_repository(folder: Path) -> Path:
+    """Write the index of a folder of zips, so that any web server can serve it to Blender; its path.
+
+    Raises
+    ------
+    BuildError
+        If there are no zips, or Blender's tool fails.
+    """
+    if not list(folder.glob("*.zip")):
+        raise BuildError(f"{folder} holds no zip: build one with --out {folder} first")
+    run(sys.executable, extension_tool(), "server-generate", "--repo-dir", folder, "--html")
+    listed = json.loads((folder / "index.json").read_text(encoding="utf-8"))["data"]
+    if len(listed) < len(list(folder.glob("*.zip"))):
+        raise BuildError(f"{folder}/index.json leaves out zips: is there more than one for a platform?")
+    return folder / "index.json"
 
 
 def project_version() -> str:
@@ -62,6 +155,23 @@ def project_version() -> str:
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__version__":
             return str(ast.literal_eval(node.value))
     raise BuildError("frametwin/__init__.py has no __version__")
+
+
+def this_platform() -> str:
+    """Blender's name of the platform of this computer.
+
+    Raises
+    ------
+    BuildError
+        If there are no wheels for it.
+    """
+    systems = {"darwin": "macos"}
+    machines = {"x86_64": "x64", "amd64": "x64", "aarch64": "arm64"}
+    system, machine = platform.system().lower(), platform.machine().lower()
+    name = f"{systems.get(system, system)}-{machines.get(machine, machine)}"
+    if name not in PLATFORMS:
+        raise BuildError(f"there are no wheels for {name}: give --platform, or build without wheels by --bare")
+    return name
 
 
 def extension_tool() -> Path:
@@ -81,12 +191,37 @@ def run(*words: object) -> None:
         raise BuildError(f"{words[1]} {words[2]} failed:\n{done.stdout}{done.stderr}")
 
 
+def parser() -> argparse.ArgumentParser:
+    """The options."""
+    result = argparse.ArgumentParser(description="Build and validate the Blender extension.")
+    result.add_argument("--out", type=Path, help="folder for the zip")
+    result.add_argument("--platform", choices=PLATFORMS, help="of the Blender that it is for [this computer's]")
+    result.add_argument(
+        "--python",
+        action="append",
+        help="carry wheels for this Python alone, as 3.14 for Debian's Blender; may be repeated [3.11 and 3.13]",
+    )
+    result.add_argument("--store", action="store_true", help="leave out Set Up and the permission to use the network")
+    result.add_argument("--bare", action="store_true", help="leave out the wheels")
+    result.add_argument("--wheels", type=Path, default=STORE, help="folder where fetched wheels are kept [out/wheels]")
+    result.add_argument("--repository", type=Path, metavar="DIR", help="write the index of the zips in DIR")
+    return result
+
+
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Build and validate the Blender extension.")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the zip")
+    options = parser().parse_args()
     try:
-        print(build(parser.parse_args().out.resolve()))
-    except BuildError as error:
+        if options.out is None and options.repository is None:
+            raise BuildError("give --out, --repository, or both")
+        if options.out is not None:
+            name = "" if options.bare else options.platform or this_platform()
+            edition = Edition(name, tuple(options.python or PYTHONS), options.store)
+            made = build(options.out.resolve(), edition, options.wheels.resolve())
+            print(f"{made.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
+            print(made)
+        if options.repository is not None:
+            print(make_repository(options.repository.resolve()))
+    except (BuildError, WheelError) as error:
         print(error, file=sys.stderr)
         return 1
     return 0

@@ -5,8 +5,9 @@
     python scripts/fit_capture.py -- CAPTURE --out OUT                            (with Blender's module bpy)
 
 OUT then holds ``run/`` (the twin and its field), ``twin.blend`` (plan, cameras with their pictures, twin),
-``twin.png`` (the twin coloured by its displacement) and, of a plan, ``capture/``. The fit runs in a worker process:
-name the Python of the project's environment by --python or by the environment variable FRAMETWIN_PYTHON.
+``twin.png`` (the twin coloured by its displacement) and, of a plan, ``capture/``. The fit runs in a worker process, in
+Blender's own Python where the extension is enabled; else, and for presets with PyTorch, name the Python of the
+project's environment by --python or by the environment variable FRAMETWIN_PYTHON.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from frametwin.files import staged_directory
 from frametwin.formats import find_frame, frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressLines
-from frametwin.worker.client import WorkerClient, find_python
+from frametwin.worker.client import WorkerClient
+from frametwin.worker.interpreter import find_interpreter
 from scripts.command import arguments, exit_code, leave, picture_size, say
 
 
@@ -58,7 +60,8 @@ def work(options: argparse.Namespace, stage: Path) -> None:
 
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     use_millimetres(bpy.context.scene)
-    with WorkerClient(find_python(options.python)) as worker:
+    chosen = find_interpreter(options.python, torch=options.preset != "fast")
+    with WorkerClient(chosen.python, environment=chosen.environment) as worker:
         capture = Path(options.source)
         if not (capture / "transforms.json").is_file():
             capture = stage / "capture"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
+import importlib
 import json
 import re
 import subprocess
@@ -16,6 +16,7 @@ from print_cases import LeaningPrint, print_batch
 
 import frametwin
 from frametwin import FrameTwinError, InputError
+from scripts import build_extension
 
 ROOT = Path(__file__).resolve().parent.parent
 HEAVY = {"bpy", "cv2", "distributed", "matplotlib", "numba", "pydantic", "rich", "safetensors", "scipy", "torch"}
@@ -111,11 +112,7 @@ def test_the_changelog_knows_the_version() -> None:
 
 
 def test_the_extension_is_built_with_that_version() -> None:
-    spec = importlib.util.spec_from_file_location("build_extension", ROOT / "scripts" / "build_extension.py")
-    assert spec is not None and spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    assert script.project_version() == frametwin.__version__
+    assert build_extension.project_version() == frametwin.__version__
     assert '"{version}"' in (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
 
 

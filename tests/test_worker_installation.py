@@ -72,6 +72,21 @@ def test_a_step_that_fails_is_told_and_nothing_is_left(wanted: Installation, mon
     ("line", "words"),
     [
         ("WARNING: Retrying after connection broken by 'NewConnectionError('<...>: refused')'", "cannot reach"),
+        (
+            "WARNING: Retrying after connection broken by 'SSLError(SSLCertVerificationError(1, '[SSL: "
+            "CERTIFICATE_VERIFY_FAILED] certificate verify failed: self-signed certificate in certificate chain'))'",
+            "certificate of the package index is not trusted",
+        ),
+        (
+            "WARNING: Retrying after connection broken by 'ProxyError('Cannot connect to proxy.', OSError('Tunnel "
+            "connection failed: 407 Proxy Authentication Required'))': /simple/torch/",
+            "name and a password",
+        ),
+        (
+            "WARNING: Retrying after connection broken by 'ProxyError('Cannot connect to proxy.', "
+            "NewConnectionError('<...>: Failed to establish a new connection: [Errno 111] Connection refused'))'",
+            "proxy does not answer or refuses",
+        ),
         ("ERROR: Could not install packages due to an OSError: [Errno 28] No space left on device", "disk is full"),
     ],
 )

@@ -4,12 +4,30 @@ from __future__ import annotations
 
 import bpy
 
-from . import adapt, cameras, deform, fit, legend, plan, preferences, printing, properties, render, session, twin
+from . import (
+    adapt,
+    cameras,
+    computing,
+    deform,
+    fit,
+    legend,
+    plan,
+    preferences,
+    printing,
+    properties,
+    render,
+    session,
+    twin,
+)
+
+if computing.HAS_SET_UP:
+    from . import set_up
 
 MODULES = (properties, preferences, plan, deform, cameras, render, fit, twin, adapt, printing)
 """In the order of their panels."""
 
-CLASSES = tuple(cls for module in (*MODULES, session) for cls in module.CLASSES)
+WITHOUT_PANELS = (session, set_up) if computing.HAS_SET_UP else (session,)
+CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS) for cls in module.CLASSES)
 
 
 def register() -> None:

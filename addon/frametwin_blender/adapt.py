@@ -15,8 +15,9 @@ from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.errors import InputError
 
 from . import session
-from .fit import start_run
-from .preferences import can_compute, draw_python, worker_job
+from .computing import can_compute, worker_job
+from .fit import start_run, was_fitted_with_torch
+from .preferences import draw_python
 from .steps import Panel, SaveStep, Step, draw_progress, draw_shown, needs, twin_of, write_text
 
 TITLE = "Adapt"
@@ -44,7 +45,7 @@ def adapt_job(context: bpy.types.Context) -> Job:
             f" by {answer['largest_displacement']:.3g} mm at most"
         )
 
-    return worker_job(TITLE, "adapt", {"run": start_run(context)}, finish)
+    return worker_job(TITLE, "adapt", {"run": start_run(context)}, finish, torch=was_fitted_with_torch(context))
 
 
 class FRAMETWIN_OT_adapt(Step, bpy.types.Operator):

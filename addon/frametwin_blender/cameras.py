@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import ClassVar
 
 import bpy
+import numpy as np
 
 from frametwin.blender.display.prints import read_print
+from frametwin.blender.scene.units import mm_per_unit
 from frametwin.blender.views.captures import hide_pictures, next_camera, show_pictures
 from frametwin.blender.views.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
 from frametwin.cameras import Camera
@@ -16,7 +18,7 @@ from frametwin.geometry.wireframe import Wireframe
 
 from .folders import given_folder
 from .steps import FileStep, Panel, Step, needs, plan_of, print_of, rig_of, settings_of, write_text
-from .views import look_through_camera, show_picture_beside
+from .views import look_through_camera, see, show_picture_beside
 
 
 def wanted_cameras(context: bpy.types.Context) -> tuple[tuple[Camera, ...], Wireframe]:
@@ -63,6 +65,8 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
         cameras, target = wanted_cameras(context)
         settings = settings_of(context)
         settings.rig = replace_rig(settings.rig, cameras, context.scene, target)
+        places = np.array([camera.centre for camera in cameras])
+        see(context, np.concatenate([places, target.vertices]) / mm_per_unit(context.scene))
         return f"{len(cameras)} cameras"
 
 

@@ -14,11 +14,12 @@ from frametwin.blender.scene.placement import label
 from frametwin.formats import frame_json
 
 from . import session
+from .computing import can_compute, worker_job
 from .in_view import hide_plan
-from .preferences import can_compute, draw_python, worker_job
+from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, draw_shown, needs, plan_of, print_of, settings_of, write_text
 
-TITLE = "Sag"
+TITLE = "Deform"
 
 
 def sag_job(context: bpy.types.Context) -> Job:

@@ -1,6 +1,7 @@
 """Step 5, the fit: from a capture to the twin, in the worker."""
 
 # No postponed annotations here: Blender reads them as properties.
+from pathlib import Path
 from typing import ClassVar
 
 import bpy
@@ -15,12 +16,14 @@ from frametwin.blender.frames.plan_objects import PlanSummary, add_plan, make_ac
 from frametwin.blender.views.rigs import read_calibration, replace_rig
 from frametwin.capture.capture import read_capture
 from frametwin.errors import InputError
+from frametwin.twin.runs import load_run
 
 from . import session
+from .computing import can_compute, worker_job
 from .folders import fresh_folder, given_folder, work_folder
 from .in_view import hide, twin_shows
 from .plan import take_plan
-from .preferences import can_compute, draw_python, worker_job
+from .preferences import draw_python
 from .recolour import wanted_colours
 from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, write_text
 from .views import see
@@ -59,10 +62,26 @@ def fit_job(context: bpy.types.Context) -> Job:
         parameters,
         finish,
         out=out,
+        torch=needs_torch(context),
         on_curves=lambda curves: show_preview(curves, scene_now()),
         clear=remove_preview,
         load=lambda answer: TwinContent.read(answer["out"], truth),
     )
+
+
+def needs_torch(context: bpy.types.Context) -> bool:
+    """Whether the fit that is set computes with PyTorch."""
+    fit = settings_of(context).fit
+    return fit.preset != "fast" or (fit.warm and was_fitted_with_torch(context))
+
+
+def was_fitted_with_torch(context: bpy.types.Context) -> bool:
+    """Whether the field in the run folder of the twin that is shown is one of PyTorch."""
+    try:
+        twin, _ = load_run(Path(start_run(context)))
+    except InputError:
+        return False  # the fit says what is wrong with it
+    return twin.provenance.get("preset", "fast") != "fast"
 
 
 def start_run(context: bpy.types.Context) -> str:
@@ -95,7 +114,9 @@ def words_of(content: TwinContent) -> str:
     faults = [
         f"{len(found)} {name}" for name, found in (("missing", content.missing), ("uncertain", content.uncertain))
     ]
-    return f"{len(moved)} struts found, {np.mean(moved):.3g} mm from the plan on average; {', '.join(faults)}"
+    whole = len(moved) - len(content.missing)
+    distance = f"{np.mean(moved):.3g} mm from the plan on average"
+    return f"{whole} of {len(moved)} struts found whole, {distance}; {', '.join(faults)}"
 
 
 class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
@@ -133,7 +154,9 @@ class FRAMETWIN_OT_fit(Step, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needs(cls, settings_of(context).fit.capture, "Choose or render a capture first") and can_compute(cls)
+        return needs(cls, settings_of(context).fit.capture, "Choose or render a capture first") and can_compute(
+            cls, settings_of(context).fit.preset != "fast"
+        )
 
     def act(self, context: bpy.types.Context) -> None:
         session.start(fit_job(context))
@@ -180,7 +203,7 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
         elif twin_of(context) is not None:
             column.prop(settings, "warm")
         if not draw_progress(layout, context, TITLE):
-            draw_python(layout, context)
+            draw_python(layout, context, settings.preset != "fast")
             layout.operator("frametwin.fit", icon="MOD_FLUIDSIM")
         row = layout.row(align=True)
         row.operator("frametwin.open_capture", text="Open Capture", icon="SCENE_DATA")

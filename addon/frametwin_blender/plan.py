@@ -8,6 +8,7 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
+from frametwin.blender.frames.mesh_files import IMPORTERS, read_mesh_file
 from frametwin.blender.frames.plan_objects import (
     PlanSummary,
     add_plan,
@@ -27,6 +28,13 @@ from .in_view import make_way
 from .steps import FileStep, Panel, Step, draw_chosen, needs, plan_of, settings_of, write_text
 from .views import see, suit_millimetres
 
+NO_FRAMES = {
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".bmp", ".webp"), "a picture"),
+    **dict.fromkeys((".blend", ".blend1"), "a file of Blender"),
+    **dict.fromkeys((".zip", ".gz", ".7z", ".whl"), "an archive"),
+}
+"""Files that are chosen by mistake, and what they are."""
+
 UNREADABLE = "unreadable"
 """Kind of the problem of a plan that cannot be read at all."""
 
@@ -42,9 +50,9 @@ def take_plan(context: bpy.types.Context, obj: bpy.types.Object, summary: PlanSu
 
 
 def words_of(summary: PlanSummary) -> str:
-    """Whether the plan is sound, in words."""
+    """Whether anything is wrong with the plan, in words."""
     count = len(summary.problems)
-    return f"{count} thing{'s' if count > 1 else ''} to look at" if count else "the plan is sound"
+    return f"{count} thing{'s' if count > 1 else ''} to look at" if count else "nothing is wrong with it"
 
 
 def note_summary(about: bpy.types.PropertyGroup, obj: bpy.types.Object, summary: PlanSummary) -> None:
@@ -95,7 +103,7 @@ class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
-        default="*.json;*.obj;*.txt;*.dxf;*.3dm;*.stl;*.ply;*.off", options={"HIDDEN"}
+        default="*.json;*.obj;*.txt;*.dxf;*.3dm;*.stl;*.ply;*.off;*.glb;*.gltf", options={"HIDDEN"}
     )
 
     def act(self, context: bpy.types.Context) -> str:
@@ -103,17 +111,19 @@ class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
 
 
 def read_importable(path: Path) -> Wireframe:
-    """Read a frame file in Blender, where other meshes than OBJ are read by Blender itself.
+    """Read a frame file in Blender, which imports meshes itself where it can.
 
     Raises
     ------
     InputError
-        As `read_frame`; for meshes, with the way by which they become a plan.
+        As `read_frame` and `read_mesh_file`; if it is of a kind that holds no frame.
     """
-    if path.suffix.lower() in (".stl", ".ply", ".off", ".glb", ".gltf"):
-        remedy = "import it by File > Import, select it, and press Use Selected"
-        raise InputError.at(path, "file", "is a mesh, which Blender itself imports", remedy)
-    library = {".dxf": "ezdxf", ".3dm": "rhino3dm"}.get(path.suffix.lower())
+    suffix = path.suffix.lower()
+    if suffix in NO_FRAMES:
+        raise InputError.at(path, "file", f"is {NO_FRAMES[suffix]}, which holds no frame", "choose a frame or a mesh")
+    if suffix in IMPORTERS:
+        return read_mesh_file(path)
+    library = {".dxf": "ezdxf", ".3dm": "rhino3dm"}.get(suffix)
     if library is not None and find_spec(library) is None:
         remedy = f"run outside of Blender: frametwin convert {path.name} {path.stem}.json"
         raise InputError.at(path, "file", f"is read by {library}, which this Python does not have", remedy)
@@ -255,7 +265,7 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
                 box.operator("frametwin.select_culprits", text="Select").kind = problem.kind
         row = layout.row(align=True)
         if not about.problems:
-            row.label(text="Sound", icon="CHECKMARK")
+            row.label(text="No Problems", icon="CHECKMARK")
         row.operator("frametwin.check_plan", icon="FILE_REFRESH")
 
 

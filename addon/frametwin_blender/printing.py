@@ -14,9 +14,10 @@ from frametwin.formats import frame_json
 from frametwin.printing.records.history import PrintHistory, read_history
 
 from . import session
+from .computing import can_compute, worker_job
 from .folders import fresh_folder, given_folder, work_folder
 from .in_view import hide_for_jobs
-from .preferences import can_compute, draw_python, worker_job
+from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
 TITLE = "Print"
@@ -115,7 +116,7 @@ def plan_print_job(context: bpy.types.Context) -> Job:
 
     def finish(answer: dict[str, Any]) -> Steps:
         scene_now().frametwin.print.job = str(answer["out"])
-        return f"Job {answer['out']}: print its first batch, take the pictures, then Answer"
+        return f"Job {answer['out']}: print its first batch, take the pictures, then Fit and Adapt"
         yield
 
     return worker_job(TITLE, "print-plan", {"frame": frame, "settings": wanted}, finish, out=out)
@@ -189,7 +190,7 @@ class FRAMETWIN_OT_answer_print(_JobStep, bpy.types.Operator):
     """Find the twin of the batch that was printed last, move what follows, and write the next waypoints"""
 
     bl_idname = "frametwin.answer_print"
-    bl_label = "Answer"
+    bl_label = "Fit and Adapt"
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod

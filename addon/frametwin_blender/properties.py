@@ -109,7 +109,7 @@ class FrameTwinDeform(bpy.types.PropertyGroup):
         name="Missing", min=0, description="How many of the printed struts broke off, drawn at random"
     )
     missing_share: FloatProperty(  # type: ignore[valid-type]
-        name="Of Each",
+        name="Part Missing",
         default=0.5,
         min=0.01,
         max=1.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+from collections.abc import Callable
 from typing import ClassVar
 
 import bpy
@@ -18,6 +19,7 @@ INTERVAL = 0.05
 
 runner = Runner()
 installer: Installer | None = None
+_when_installed: Callable[[], None] | None = None
 last_words = ""
 """What was told last, for tests and for Blender without a window."""
 
@@ -28,10 +30,10 @@ def start(job: Job) -> None:
     _follow()
 
 
-def start_installation(new: Installer) -> None:
-    """Begin to set up the environment and follow it."""
-    global installer
-    installer = new
+def start_installation(new: Installer, then: Callable[[], None]) -> None:
+    """Begin to set up the environment and follow it; ``then`` is called, in the main thread, if that ends well."""
+    global installer, _when_installed
+    installer, _when_installed = new, then
     new.start()
     _follow()
 
@@ -56,7 +58,18 @@ def pump() -> bool:
     if was and not going:
         tell(runner.status.message, runner.status.error)
         _remember_for_undo(runner.status.title)
-    return going or (installer is not None and installer.running)
+    return going or _installing()
+
+
+def _installing() -> bool:
+    """Whether the environment is being set up; what is to follow that is done once it has ended."""
+    global _when_installed
+    if installer is None or installer.running:
+        return installer is not None
+    then, _when_installed = _when_installed, None
+    if then is not None and installer.done:
+        then()
+    return False
 
 
 def _tick() -> float | None:

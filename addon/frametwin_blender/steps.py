@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,9 @@ from frametwin.errors import FrameTwinError
 
 from . import session
 from .text import wrapped
+
+BUTTON = 24
+"""Width of a button besides its text, as well."""
 
 CHARACTER = 6.6
 """Width of a character of a label in pixels, at a resolution scale of 1; labels that are wrapped by it fit."""
@@ -46,6 +50,8 @@ class FileStep(Step):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.filepath:
             return self.execute(context)
+        # A folder alone: of no path at all, Blender would make the name of the .blend file.
+        self.filepath = os.path.join(os.path.dirname(bpy.data.filepath) or os.path.expanduser("~"), "")
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -137,12 +143,15 @@ def draw_chosen(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, n
 
 
 def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object | None]) -> None:
-    """A button for each object that shows or hides it."""
-    row = layout.row(align=True)
+    """A button for each object that shows or hides it: one below the other where they would be cut off beside."""
+    there = [(name, obj) for name, obj in objects if obj is not None]
+    scale, region = bpy.context.preferences.system.ui_scale, bpy.context.region
+    width = (region.width if region else 260) / scale - 36
+    fits = all(len(name) * CHARACTER + BUTTON < width / len(there) for name, _ in there)
+    row = layout.row(align=True) if fits else layout.column(align=True)
     row.use_property_split = False
-    for name, obj in objects:
-        if obj is not None:
-            row.prop(obj, "hide_viewport", text=name, toggle=True, invert_checkbox=True)
+    for name, obj in there:
+        row.prop(obj, "hide_viewport", text=name, toggle=True, invert_checkbox=True)
 
 
 def draw_progress(layout: bpy.types.UILayout, context: bpy.types.Context, title: str) -> bool:

@@ -233,7 +233,9 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         self, layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, collection: bpy.types.Collection
     ) -> None:
         shown = {obj.get(ROLE_KEY): obj for obj in collection.objects}
-        draw_shown(layout, ("Plan", shown.get("plan")), ("Twin", shown.get("twin")), ("Print", settings.print_object))
+        draw_shown(
+            layout, ("As Planned", shown.get("plan")), ("Twin", shown.get("twin")), ("Print", settings.print_object)
+        )
 
 
 CLASSES = (

@@ -9,6 +9,9 @@ import numpy as np
 
 from frametwin.blender.views.framing import MARGIN, Room, camera_view, free_view
 
+CENTIMETRE = 0.01
+"""In metres, whatever a unit of the scene is: with the usual metre, lines would lie beyond what is seen of a frame."""
+
 
 def views_of(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Area, bpy.types.Region]]:
     """The 3D views of the window with their main regions; the one under the mouse first, those of no size not."""
@@ -53,10 +56,11 @@ def look_through_camera(context: bpy.types.Context, width: float | None = None) 
 
 
 def suit_millimetres(context: bpy.types.Context) -> None:
-    """Let the 3D views see from a tenth of a millimetre to ten metres."""
+    """Let the 3D views see from a tenth of a millimetre to ten metres, above a grid of centimetres."""
     for area, _ in views_of(context):
         space = area.spaces.active
         space.clip_start, space.clip_end = 0.1, 10000.0
+        space.overlay.grid_scale = CENTIMETRE
 
 
 def show_picture_beside(context: bpy.types.Context, image: bpy.types.Image) -> bool:

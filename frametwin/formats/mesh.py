@@ -40,7 +40,12 @@ def read(path: PathLike) -> Wireframe:
     file = Path(path)
     if not file.is_file():
         raise InputError.at(path, "file", "the file does not exist", "check the name, or put the file there")
-    import trimesh
+    try:
+        import trimesh
+    except ModuleNotFoundError as error:
+        remedy = f"convert it elsewhere: frametwin convert {file.name} {file.stem}.json"
+        problem = "is no frame file, and the package trimesh, which reads meshes, is not there"
+        raise InputError.at(path, "file", problem, remedy) from error
 
     suffix = file.suffix.lower()
     if suffix[1:] not in trimesh.available_formats():

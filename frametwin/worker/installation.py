@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -28,7 +29,8 @@ STAMP = "frametwin-environment.json"
 CPU_INDEX = "https://download.pytorch.org/whl/cpu"
 """Where PyTorch's builds without CUDA are; on Windows and macOS the usual ones are such builds."""
 
-LINES_KEPT = 400
+LINES_KEPT = 20_000
+"""Of what the steps write: all of it, but for a pip that has gone astray."""
 
 
 @dataclass(frozen=True)
@@ -205,15 +207,37 @@ class Installer:
             raise FrameTwinError(f"The set-up failed while {self.stage}: {_reason(list(self.log))}")
 
 
-_NO_NETWORK = ("NewConnectionError", "NameResolutionError", "ProxyError", "ConnectTimeoutError", "Max retries exceeded")
+_CAUSES = (
+    # The first that fits: pip wraps certificates and proxies into what it says of a network that is not there.
+    (
+        r"CERTIFICATE_VERIFY_FAILED|SSLCertVerificationError|certificate verify failed|confirming the ssl certificate",
+        "the certificate of the package index is not trusted, as where a company's proxy reads along. Give its"
+        " certificate in the variable PIP_CERT (a .pem file), and set up again.",
+    ),
+    (
+        r"407 Proxy Authentication|Proxy Authentication Required",
+        "the proxy asks for a name and a password. Give them in HTTPS_PROXY (http://name:password@host:port), and set"
+        " up again.",
+    ),
+    (
+        r"ProxyError|Tunnel connection failed|Cannot connect to proxy",
+        "the proxy does not answer or refuses. Check HTTPS_PROXY, and set up again.",
+    ),
+    (
+        r"NewConnectionError|NameResolutionError|ConnectTimeoutError|ReadTimeoutError|Max retries exceeded",
+        "pip cannot reach its package index. Check the network and the proxy, and set up again.",
+    ),
+    (r"No space left", "the disk is full. Free about 2 GB, and set up again."),
+)
+"""What pip writes, and what that means."""
 
 
 def _reason(log: Sequence[str]) -> str:
     """Why a step failed, in words, from what it wrote."""
-    if any(word in line for line in log for word in _NO_NETWORK):
-        return "pip cannot reach its package index. Check the network and the proxy, and set up again."
-    if any("No space left" in line for line in log):
-        return "the disk is full. Free about 2 GB, and set up again."
+    written = "\n".join(log)
+    for pattern, meaning in _CAUSES:
+        if re.search(pattern, written):
+            return meaning
     words = next((line for line in reversed(log) if "error" in line.lower()), log[-1])
     return f"{words} The log says more."
 

@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,13 +14,75 @@ from frametwin.errors import InputError
 
 VARIABLE = "FRAMETWIN_PYTHON"
 
-NEEDED = ("numpy", "scipy", "numba", "torch", "cv2", "safetensors")
-"""Packages without which the library's jobs cannot run."""
+WITHOUT_TORCH = ("numpy", "scipy", "numba", "cv2", "safetensors", "threadpoolctl")
+"""Packages without which no fit can run; the preset ``fast`` and most of the worker's other jobs need no more."""
+
+NEEDED = (*WITHOUT_TORCH, "torch")
+"""Packages without which not all of the library's jobs can run."""
 
 REMEDY = (
     "set up an environment with FrameTwin (python3 -m venv ENV, then ENV/bin/python -m pip install frametwin)"
     f" and give its Python, or set the variable {VARIABLE} to it"
 )
+
+
+@dataclass(frozen=True)
+class Interpreter:
+    """A Python for the worker.
+
+    Attributes
+    ----------
+    python
+        The program.
+    folders
+        Where its packages are, if it would not find them by itself.
+    """
+
+    python: str
+    folders: tuple[str, ...] = ()
+
+    @property
+    def environment(self) -> dict[str, str | None]:
+        """Environment variables for `frametwin.worker.client.WorkerClient`."""
+        if not self.folders:
+            return {}
+        # What a user has installed into a folder of their own could be of other versions.
+        return {"PYTHONPATH": os.pathsep.join(self.folders), "PYTHONNOUSERSITE": "1"}
+
+
+def running_interpreter(packages: tuple[str, ...] = NEEDED) -> Interpreter | None:
+    """The running Python, with the folders in which it has some packages; ``None`` if one of them is missing.
+
+    Inside of Blender these are the folders of its own packages and of those that extensions carry.
+    """
+    python = running_python()
+    places = [_place_of(name) for name in ("frametwin", *packages)]
+    if python is None or None in places:
+        return None
+    order = {os.path.realpath(folder): i for i, folder in reversed(list(enumerate(sys.path)))}
+    found = dict.fromkeys(place for place in places if place is not None)
+    folders = sorted(found, key=lambda folder: order.get(os.path.realpath(folder), len(order)))
+    return Interpreter(python, tuple(folders))
+
+
+def running_python() -> str | None:
+    """The program of the running Python: inside of Blender, the one that lies beside it; ``None`` if there is none."""
+    version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
+    beside = [Path(sys.prefix, "bin", version), Path(sys.prefix, "bin", "python.exe"), Path(sys.prefix, "python.exe")]
+    for path in (Path(sys.executable or "."), *beside):
+        if path.stem.lower().startswith(("python", "pypy")) and path.is_file():
+            return str(path)
+    return None
+
+
+def _place_of(package: str) -> str | None:
+    """The folder in which the running Python has a package, without importing it."""
+    spec = find_spec(package)
+    if spec is None:
+        return None
+    for inside in spec.submodule_search_locations or [spec.origin or ""]:
+        return os.path.dirname(os.path.abspath(inside))
+    return None
 
 
 def find_python(given: str | os.PathLike[str] | None = None, *, remedy: str = REMEDY) -> str:
@@ -54,6 +117,28 @@ def find_python(given: str | os.PathLike[str] | None = None, *, remedy: str = RE
     if missing:
         raise InputError.at(running, "Python", f"lacks what FrameTwin computes with ({', '.join(missing)})", remedy)
     return running
+
+
+def find_interpreter(given: str | os.PathLike[str] | None = None, *, torch: bool = True) -> Interpreter:
+    """As `find_python`, but where nothing is named the running Python serves with what lies on its path.
+
+    Parameters
+    ----------
+    given
+        As there.
+    torch
+        Whether PyTorch is needed.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+    if not (given and str(given).strip()) and not os.environ.get(VARIABLE, "").strip():
+        own = running_interpreter(NEEDED if torch else WITHOUT_TORCH)
+        if own is not None:
+            return own
+    return Interpreter(find_python(given))
 
 
 def _program(given: str, field: str, remedy: str) -> str:

@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 from frametwin import __version__
-from frametwin.errors import Cancelled, FrameTwinError
+from frametwin.errors import Cancelled, FrameTwinError, InputError
 from frametwin.progress import Progress
 from frametwin.scratch import VARIABLE, hold_scratch, remove_scratch
 from frametwin.worker.job_table import JOBS, run_job
@@ -111,6 +111,13 @@ def _task_of(key: str, message: dict[str, Any]) -> RunningJob:
 
 def _error(key: str | None, kind: str, message: str, **more: Any) -> dict[str, Any]:
     return {"event": "error", "id": key, "kind": kind, "message": " ".join(message.split()), **more}
+
+
+def _failed(task: RunningJob, error: BaseException) -> dict[str, Any]:
+    """The event for an exception that nobody foresaw; called while it is handled."""
+    problem = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    message = f"{task.name} failed unexpectedly ({problem})."
+    return _error(task.id, "failed", message, details=traceback.format_exc())
 
 
 class Worker:
@@ -249,10 +256,14 @@ class Worker:
             return _error(task.id, error.kind, f"{task.name} was cancelled: {error}.")
         except FrameTwinError as error:
             return _error(task.id, **error.as_dict())
+        except ModuleNotFoundError as error:
+            if error.name is None or error.name.partition(".")[0] == "frametwin":
+                return _failed(task, error)
+            problem = f"lacks {error.name}, which {task.name} needs here"
+            lacking = InputError.at(sys.executable, "Python", problem, "let the worker run in one that has it")
+            return _error(task.id, **lacking.as_dict())
         except BaseException as error:
-            problem = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-            message = f"{task.name} failed unexpectedly ({problem})."
-            return _error(task.id, "failed", message, details=traceback.format_exc())
+            return _failed(task, error)
 
     def _send_last(self, task: RunningJob, event: dict[str, Any]) -> None:
         try:

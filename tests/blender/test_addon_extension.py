@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -42,7 +45,7 @@ def test_the_zip_is_whole_and_stands_alone(tmp_path: Path) -> None:
     with zipfile.ZipFile(archive) as content:
         names = set(content.namelist())
     wheel = next(name for name in names if name.startswith("wheels/frametwin-") and name.endswith(".whl"))
-    assert {"blender_manifest.toml", "__init__.py", "constraints.txt", "LICENSE"} <= names
+    assert {"blender_manifest.toml", "__init__.py", "set_up.py", "constraints.txt", "LICENSE"} <= names
     assert not [name for name in names if "numpy" in name or "torch" in name or name.endswith(".pyc")]
     assert wheel.split("-")[1] == archive.stem.split("-")[1]
     # Without the source tree on the path, frametwin comes out of the zip where the environment has none installed.
@@ -54,6 +57,50 @@ def test_the_zip_is_whole_and_stands_alone(tmp_path: Path) -> None:
     )
     assert done.returncode == 0 and "WALKED" in done.stdout, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
+
+
+STORE_CHILD = """
+import sys
+import bpy
+sys.path.insert(0, {tests!r})
+import extension_cases as cases
+cases.install(cases.Path({archive!r}))
+assert bpy.ops.frametwin.add_frame() == {{"FINISHED"}}
+assert "set_up" not in dir(bpy.ops.frametwin) and "test_python" in dir(bpy.ops.frametwin)
+computing = cases.addon("computing")
+assert not computing.HAS_SET_UP and not hasattr(computing.preferences_of(), "torch_index")
+assert computing.REMEDY == "choose a Python in Preferences > Add-ons > FrameTwin"
+bpy.ops.preferences.addon_disable(module=cases.MODULE)
+print("WALKED", flush=True)
+import os
+os._exit(0)
+"""
+
+
+def test_the_store_edition_has_no_set_up_and_no_network(tmp_path: Path) -> None:
+    archive = cases.build_zip(tmp_path / "zips", "--bare", "--store")
+    with zipfile.ZipFile(archive) as content:
+        names = set(content.namelist())
+        manifest = tomllib.loads(content.read("blender_manifest.toml").decode())
+    assert manifest["permissions"].keys() == {"files"}
+    assert "set_up.py" not in names and "constraints.txt" not in names and "preferences.py" in names
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "profile")}
+    code = STORE_CHILD.format(tests=str(Path(__file__).parent), archive=str(archive))
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False, timeout=180
+    )
+    assert done.returncode == 0 and "WALKED" in done.stdout, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_folder_of_zips_becomes_a_repository(tmp_path: Path) -> None:
+    archive = cases.build_zip(tmp_path, "--bare", "--repository", str(tmp_path))
+    assert archive == tmp_path / "index.json"
+    (zip_file,) = tmp_path.glob("*.zip")
+    (entry,) = json.loads(archive.read_text())["data"]
+    assert entry["id"] == "frametwin" and entry["archive_url"] == f"./{zip_file.name}"
+    assert entry["archive_hash"] == f"sha256:{hashlib.sha256(zip_file.read_bytes()).hexdigest()}"
+    assert (tmp_path / "index.html").is_file()
 
 
 def test_presets_are_those_of_the_library(extension: str) -> None:

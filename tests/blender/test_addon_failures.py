@@ -32,7 +32,7 @@ def session(extension: str, scene: Any) -> Any:
     module.runner.close()
     yield module
     module.runner.close()
-    cases.addon("preferences").preferences_of().python = ""
+    cases.addon("computing").preferences_of().python = ""
 
 
 @pytest.fixture
@@ -82,18 +82,48 @@ def test_a_worker_that_is_killed_is_reported_and_the_next_fit_works(tab: Any, se
     np.testing.assert_array_equal(wireframe_from_curve(find_twin(tab.twin).twin).edges, plan.edges)
 
 
-def test_a_python_that_is_missing(tab: Any, session: Any, tmp_path: Path) -> None:
-    cases.addon("preferences").preferences_of().python = str(tmp_path / "nowhere")
+def test_a_python_that_is_missing(
+    tab: Any, session: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, online: None
+) -> None:
+    computing = cases.addon("computing")
+    computing.preferences_of().python = str(tmp_path / "nowhere")
     before = cases.scene_state()
-    assert f"nowhere: Python: does not exist; {REMEDY}" in cases.refused(ops.fit)
+    with monkeypatch.context() as nothing:  # to compute with
+        nothing.delenv("FRAMETWIN_PYTHON", raising=False)
+        nothing.setattr(computing, "running_interpreter", lambda packages: None)
+        assert f"nowhere: Python: does not exist; {REMEDY}" in cases.refused(ops.fit)
     assert cases.scene_state() == before and not session.runner.busy
+    # Where there is another one, what is typed wrongly does not win over it; the panels tell of it.
+    assert computing.chosen_python(torch=True).python != str(tmp_path / "nowhere")
+    assert computing.given_problem().endswith("nowhere: Python: does not exist; it is not used.")
+    tab.fit.preset = "fast"
+    ops.fit()
+    assert "struts found" in cases.pump_until_done()
+
+
+def test_the_environment_that_was_set_up_is_the_one_in_use(
+    session: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    computing, set_up = cases.addon("computing"), cases.addon("set_up")
+    computing.preferences_of().python = str(tmp_path / "nowhere")
+    monkeypatch.setattr(computing, "installed_python", lambda folder: worker_python())
+    assert computing.chosen_python(torch=True).python == worker_python()  # also before the end is noticed
+    ended = UnderWay()
+    monkeypatch.setattr(session, "installer", None)
+    session.start_installation(ended, set_up.use_environment)
+    assert session.pump() and computing.preferences_of().python
+    ended.running, ended.done = False, True
+    assert not session.pump() and computing.preferences_of().python == ""
+    assert computing.chosen_python(torch=True).python == worker_python()
+    ops.show_set_up_log()
+    assert bpy.data.texts[set_up.LOG].as_string() == "$ pip install\nSuccessfully installed\n"
 
 
 @posix
 def test_a_worker_of_another_version(tab: Any, session: Any, tmp_path: Path) -> None:
     ready = '{"event": "ready", "protocol": 1, "frametwin": "9.9.9", "jobs": []}'
     fake = script(tmp_path / "python", f"echo '{ready}'; exec sleep 60")
-    cases.addon("preferences").preferences_of().python = fake
+    cases.addon("computing").preferences_of().python = fake
     before = cases.scene_state()
     ops.fit()
     words = cases.pump_until_done()
@@ -106,7 +136,7 @@ def test_a_worker_of_another_version(tab: Any, session: Any, tmp_path: Path) -> 
 @posix
 def test_a_python_without_frametwin(tab: Any, session: Any, tmp_path: Path) -> None:
     bare = script(tmp_path / "python", f'exec "{sys.executable}" -S -I "$@"')
-    cases.addon("preferences").preferences_of().python = bare
+    cases.addon("computing").preferences_of().python = bare
     ops.fit()
     assert cases.pump_until_done() == f"{bare}: frametwin: is not installed there; {REMEDY}."
 
@@ -114,7 +144,11 @@ def test_a_python_without_frametwin(tab: Any, session: Any, tmp_path: Path) -> N
 class UnderWay:
     """What the preferences look at of a set-up that is under way."""
 
-    running, number, total, stage, log = True, 1, 3, "installing PyTorch", ()
+    running, done, error, number, total, stage = True, False, "", 1, 3, "installing PyTorch"
+    log = ("$ pip install", "Successfully installed")
+
+    def start(self) -> None:
+        """Nothing is installed here."""
 
     def cancel(self, wait: float = 0.0) -> None:
         self.running = False
@@ -145,16 +179,20 @@ def test_nothing_is_computed_with_a_python_that_is_being_set_up(
     ops.open_capture()
     monkeypatch.setattr(session, "installer", UnderWay())
     assert "is under way" in cases.refused(ops.set_up)
+    assert tab.fit.preset == "paper" and "is being set up: wait until that is done" in cases.refused(ops.fit)
+    computing = cases.addon("computing")
+    with pytest.raises(InputError, match="is being set up: wait until that is done, or cancel it in Preferences"):
+        computing.chosen_python(torch=True)
+    for operator in (ops.sag, ops.plan_print, ops.test_python):  # these have another Python
+        assert operator.poll()
+    preferences = computing.preferences_of()
+    preferences.python = str(computing.environment_folder() / "bin" / "python")
     for operator in (ops.fit, ops.sag, ops.simulate_print, ops.plan_print, ops.test_python):
         assert "is being set up: wait until that is done" in cases.refused(operator)
-    preferences = cases.addon("preferences")
-    with pytest.raises(InputError, match="is being set up: wait until that is done, or cancel it in Preferences"):
-        preferences.chosen_python()
-    preferences.preferences_of().python = str(preferences.environment_folder() / "bin" / "python")
-    assert not ops.fit.poll()
-    preferences.preferences_of().python = worker_python()  # another one that the user has
-    assert ops.fit.poll() and preferences.chosen_python() == os.path.abspath(worker_python())
-    preferences.preferences_of().python = ""
+    preferences.python = worker_python()  # another one that the user has
+    assert ops.fit.poll() and computing.chosen_python(torch=True).python == os.path.abspath(worker_python())
+    preferences.python = ""
+    tab.fit.preset = "fast"
     ops.cancel_set_up()
     assert ops.fit.poll() and ops.set_up.poll()
 
@@ -162,7 +200,7 @@ def test_nothing_is_computed_with_a_python_that_is_being_set_up(
 def test_the_test_button_tells_versions(session: Any) -> None:
     ops.test_python()
     words = cases.pump_until_done()
-    assert words.startswith("Works: Python 3.") and "PyTorch 2." in words and "cores" in words
+    assert words.startswith("Works: Python 3.") and "PyTorch 2." in words and "numpy" in words and "cores" in words
     until(lambda: not session.runner.pids, "the end of the worker that was tested")
 
 
@@ -196,7 +234,18 @@ def test_files_that_cannot_be_used(tab: Any, tmp_path: Path, monkeypatch: pytest
     for operator in (ops.import_frame, ops.import_cameras):
         assert "damaged.json" in cases.refused(operator, filepath=str(damaged))
         assert "nowhere.json" in cases.refused(operator, filepath=str(tmp_path / "nowhere.json"))
-    assert "press Use Selected" in cases.refused(ops.import_frame, filepath=str(tmp_path / "mesh.stl"))
+    for name, words in (
+        ("mesh.stl", "does not exist"),
+        ("picture.png", "is a picture, which holds no frame; choose a frame or a mesh."),
+        ("scene.blend", "is a file of Blender"),
+        ("print.3mf", "file: "),
+        ("cut.stl", "Blender cannot read it"),
+        ("cut.off", "file: "),
+    ):
+        if name != "mesh.stl":
+            (tmp_path / name).write_bytes(b"\x89PNG\r\n\x1a\n" * 3)
+        said = cases.refused(ops.import_frame, filepath=str(tmp_path / name))
+        assert f"{name}: file: " in said and words in said and said.strip().endswith(".")
     monkeypatch.setattr(cases.addon("plan"), "find_spec", lambda name: None)  # as in Blender's own Python
     for kind, library in (("3dm", "rhino3dm"), ("dxf", "ezdxf")):
         said = cases.refused(ops.import_frame, filepath=str(tmp_path / f"plan.{kind}"))

@@ -58,7 +58,7 @@ def test_from_nothing_to_an_inspected_twin(tab: Any, scene: Any, tmp_path: Path)
     np.testing.assert_array_equal(capture.truth.control_points, real.truth.control_points)
     ops.fit()
     words = cases.pump_until_done()
-    assert words.startswith("76 struts found")
+    assert words.startswith("74 of 76 struts found whole, ") and words.endswith("; 2 missing, 0 uncertain")
     shown = find_twin(tab.twin)
     twin, frame = load_run(Path(tab.twin["frametwin_run"]))
     np.testing.assert_array_equal(wireframe_from_curve(shown.twin).control_points, twin.control_points)
@@ -82,6 +82,28 @@ def test_from_nothing_to_an_inspected_twin(tab: Any, scene: Any, tmp_path: Path)
     ops.leave_struts()
     ops.remove_twin()
     assert tab.twin is None and not [c for c in bpy.data.collections if is_twin(c) and c != again.collection]
+
+
+def test_a_mesh_file_becomes_the_plan(tab: Any, tmp_path: Path) -> None:
+    lines = [f"vertex {x} {y} {z}" for x, y, z in ((0, 0, 0), (30, 0, 0), (0, 40, 5))]
+    text = "\n".join(["solid a", "facet normal 0 0 0", "outer loop", *lines, "endloop", "endfacet", "endsolid a"])
+    (tmp_path / "corner.stl").write_text(text)
+    ops.import_frame(filepath=str(tmp_path / "corner.stl"))
+    assert (tab.plan.type, tab.plan.name, tab.about_plan.struts) == ("CURVE", "corner", 3)
+    assert [obj.name for obj in bpy.context.selected_objects] == ["corner"] and len(bpy.data.objects) == 1
+
+
+def test_the_view_suits_millimetres_and_shows_the_rig(tab: Any) -> None:
+    space = next(area.spaces.active for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    ops.use_millimetres()
+    assert space.overlay.grid_scale_unit == pytest.approx(10.0)  # a centimetre
+    ops.add_frame()
+    before = space.region_3d.view_distance
+    ops.make_rig()
+    view = space.region_3d
+    middle = np.array(view.view_location)
+    farthest = max(np.linalg.norm(camera.centre - middle) for camera in cameras_from_collection(tab.rig))
+    assert view.view_distance > max(before, farthest)
 
 
 def capture_defects(capture: str) -> list[int]:

@@ -13,6 +13,7 @@ from mathutils import Matrix, Vector
 
 from frametwin.blender.frames.curves import wireframe_to_curve
 from frametwin.blender.frames.joints import Reading
+from frametwin.blender.frames.mesh_files import read_mesh_file
 from frametwin.blender.frames.plans import plan_and_deformed, plan_from_object, read_blend
 from frametwin.blender.frames.welding import weld
 from frametwin.errors import InputError
@@ -48,6 +49,64 @@ def curve_object(link: Link, *splines: tuple[str, list[tuple[float, float, float
     return link("drawing", curve)
 
 
+# Mesh files
+
+
+STL = """solid corner
+facet normal 0 0 0
+outer loop
+vertex 0 0 0
+vertex 30 0 0
+vertex 0 40 5
+endloop
+endfacet
+endsolid corner
+"""
+PLY = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+30 0 0
+0 40 5
+3 0 1 2
+"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("corner.stl", STL), ("corner.PLY", PLY)])
+@pytest.mark.parametrize("unit", [1.0, 0.001])
+def test_mesh_files_are_in_millimetres_and_leave_nothing_behind(
+    scene: Any, link: Link, tmp_path: Path, name: str, text: str, unit: float
+) -> None:
+    scene.unit_settings.scale_length = unit
+    drawn = mesh_object(link)
+    bpy.context.view_layer.objects.active = drawn
+    (tmp_path / name).write_text(text)
+    before = len(bpy.data.objects), len(bpy.data.meshes)
+    frame = read_mesh_file(tmp_path / name, scene)
+    assert frame.name == "corner" and frame.strut_count == 3
+    np.testing.assert_allclose(frame.bounds, [[0.0, 0.0, 0.0], [30.0, 40.0, 5.0]], atol=FINE)
+    lengths = np.linalg.norm(np.diff(frame.vertices[frame.edges], axis=1), axis=2).ravel()
+    np.testing.assert_allclose(sorted(lengths), [30.0, np.hypot(40.0, 5.0), np.sqrt(900.0 + 1625.0)], atol=FINE)
+    assert (len(bpy.data.objects), len(bpy.data.meshes)) == before
+    assert bpy.context.view_layer.objects.active == drawn
+
+
+@pytest.mark.parametrize(("name", "text"), [("cut.stl", "x" * 50), ("cut.ply", PLY[:60]), ("none.ply", "")])
+def test_mesh_files_that_are_damaged(scene: Any, tmp_path: Path, name: str, text: str) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        read_mesh_file(tmp_path / name)
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=rf"{name}: file: (Blender cannot read it|holds no edges)"):
+        read_mesh_file(tmp_path / name)
+    assert not bpy.data.objects and not bpy.data.meshes
+
+
 # Scale
 
 
@@ -73,6 +132,29 @@ def test_what_is_scaled_to_nothing_is_no_plan(scene: Any, link: Link, kind: str)
 
 
 # Meshes
+
+
+@pytest.mark.parametrize("how", ["restricted", "eye"])
+@pytest.mark.parametrize("parent", [False, True])
+def test_what_is_hidden_is_read_as_it_would_be_shown(scene: Any, link: Link, how: str, parent: bool) -> None:
+    obj = wireframe_to_curve(Wireframe.create(1000.0 * np.array(CUBE), CUBE_EDGES))
+    mover = obj
+    if parent:
+        mover = link("parent", None)
+        obj.parent, obj.location = mover, (0.5, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    for each in {obj, mover}:
+        each.hide_viewport = how == "restricted"
+        each.hide_set(how == "eye")
+    bpy.context.view_layer.update()
+    mover.scale, mover.rotation_euler.z, mover.location = (3.0, 3.0, 3.0), 0.4, (0.1, 0.2, 0.3)
+    hidden = plan_from_object(obj)
+    low, high = hidden.bounds
+    assert high[2] - low[2] == pytest.approx(300.0, abs=FINE)
+    for each in {obj, mover}:
+        each.hide_viewport = False
+        each.hide_set(False)
+    np.testing.assert_allclose(hidden.vertices, plan_from_object(obj).vertices, atol=10 * FINE)
 
 
 def test_the_edges_of_a_mesh_are_straight_struts(scene: Any, link: Link) -> None:

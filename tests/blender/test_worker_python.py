@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -12,7 +14,15 @@ from worker_cases import extra_client, is_gone, script, worker_python
 import frametwin
 from frametwin.errors import InputError
 from frametwin.worker.client import WorkerClient, find_python
-from frametwin.worker.interpreter import NEEDED, VARIABLE, worker_environment
+from frametwin.worker.interpreter import (
+    NEEDED,
+    VARIABLE,
+    WITHOUT_TORCH,
+    Interpreter,
+    find_interpreter,
+    running_interpreter,
+    worker_environment,
+)
 from frametwin.worker.protocol import PROTOCOL
 
 posix = pytest.mark.skipif(os.name == "nt", reason="shell scripts and signals are for POSIX")
@@ -121,6 +131,48 @@ def test_the_running_python_is_taken_if_it_can_do_the_work(monkeypatch: pytest.M
     monkeypatch.setattr(sys, "executable", "/opt/blender-5.2/blender")
     with pytest.raises(InputError, match="is no Python"):
         find_python()
+
+
+def test_the_running_python_with_the_folders_of_its_packages(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    here = os.path.abspath(os.path.join(os.path.dirname(frametwin.__file__), os.pardir))
+    plain = running_interpreter(("json",))
+    assert plain is not None and plain.python == sys.executable
+    assert set(plain.folders) == {here, os.path.dirname(os.path.dirname(json.__file__))}
+    assert running_interpreter(("json", "no_such_package")) is None
+    # What extensions carry lies in a folder that Blender alone puts on its path; those before it come first there too.
+    carried = tmp_path / "site-packages"
+    (carried / "carried_package").mkdir(parents=True)
+    (carried / "carried_package" / "__init__.py").write_text("WHERE = 'carried'\n")
+    (carried / "carried_module.py").write_text("")
+    monkeypatch.syspath_prepend(str(carried))
+    found = running_interpreter(("carried_package", "carried_module"))
+    assert found is not None and found.folders == (str(carried), here)
+    code = "import carried_package, frametwin; print(carried_package.WHERE, frametwin.__file__)"
+    environment = worker_environment(found.python, None, found.environment)
+    said = subprocess.run([found.python, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert said.stdout.split() == ["carried", frametwin.__file__]
+    # Blender itself may call itself the executable; its Python lies beside it.
+    monkeypatch.setattr(sys, "executable", "/opt/blender-5.2/blender")
+    beside = running_interpreter(("carried_package",))
+    assert beside is None or Path(beside.python).name.startswith("python")
+
+
+def test_a_python_of_its_own_needs_no_folders(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Interpreter("/usr/bin/python3").environment == {}
+    assert find_interpreter(sys.executable) == Interpreter(os.path.abspath(sys.executable))
+    monkeypatch.setenv(VARIABLE, sys.executable)
+    assert find_interpreter(torch=False) == Interpreter(os.path.abspath(sys.executable))
+    monkeypatch.delenv(VARIABLE)
+    own = running_interpreter(WITHOUT_TORCH)
+    if own is not None:
+        assert find_interpreter(torch=False) == own and own.folders
+    assert set(WITHOUT_TORCH) < set(NEEDED) and "torch" not in WITHOUT_TORCH
+
+
+def test_a_package_that_is_missing_is_told_in_words() -> None:
+    with extra_client() as client, pytest.raises(InputError) as caught:
+        client.call("lacking")
+    assert "Python: lacks no_such_package, which lacking needs here; let the worker run in one" in str(caught.value)
 
 
 def test_blenders_own_variables_are_kept_from_another_python(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

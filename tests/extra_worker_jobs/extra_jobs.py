@@ -72,6 +72,12 @@ def nan() -> dict[str, Any]:
     return {"value": float("nan")}
 
 
+def lacking() -> dict[str, Any]:
+    import no_such_package
+
+    return {"package": no_such_package.__name__}
+
+
 def hold() -> dict[str, Any]:
     held = Held.at("captures/3", "collapsed", "it lies on the plate", "look at it")
     held.doubts = (Doubt("collapsed", "it lies on the plate", "look at it"), Doubt("poor-fit", "it fits ill", "wipe"))

@@ -10,6 +10,6 @@ from frametwin.worker import protocol
 
 frametwin.__version__ = os.environ.get("TEST_VERSION", frametwin.__version__)
 protocol.PROTOCOL = int(os.environ.get("TEST_PROTOCOL", protocol.PROTOCOL))
-for name in ("count", "shout", "crash", "stubborn", "write", "echo", "nan", "hold"):
+for name in ("count", "shout", "crash", "stubborn", "write", "echo", "nan", "hold", "lacking"):
     jobs.JOBS[name] = f"extra_jobs:{name}"
 print(os.environ.get("TEST_NOISE", ""), end="")

@@ -143,7 +143,11 @@ def _show_batch(
 def words_of(batch: BatchHistory, design: Wireframe) -> str:
     """What there is to say of a batch, in a line."""
     moved = joint_displacement(design, batch.standing)
-    words = [f"{len(batch.laid)} laid", f"{int(batch.standing.printed.sum())} stand", f"E max {moved.max():.2f} mm"]
+    words = [
+        f"{len(batch.laid)} laid",
+        f"{int(batch.standing.printed.sum())} stand",
+        f"{moved.max():.2f} mm off at most",
+    ]
     if len(batch.missed):
         words.append(f"{len(batch.missed)} would have missed")
     if len(batch.lost):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.errors import InputError
@@ -68,6 +69,22 @@ def evaluated_object(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> b
     return evaluated
 
 
+def _matrix_in(obj: bpy.types.Object, graph: bpy.types.Depsgraph) -> Matrix:
+    """The object's matrix in units.
+
+    Blender leaves the matrix of what is hidden as it was when it was seen last. It is made here of the object's own
+    location and so on and of its parents'; where constraints, animation or bones place the object, it stays as it was.
+    """
+    evaluated = obj.evaluated_get(graph)
+    if evaluated.is_evaluated and obj.visible_get(view_layer=graph.view_layer):
+        return evaluated.matrix_world
+    if len(obj.constraints) or obj.animation_data is not None or obj.parent_type != "OBJECT":
+        return evaluated.matrix_world
+    if obj.parent is None:
+        return obj.matrix_basis
+    return _matrix_in(obj.parent, graph) @ obj.matrix_parent_inverse @ obj.matrix_basis
+
+
 FLAT = 1e-6
 """A scale that is as much smaller than the largest one, or more, is taken to be zero."""
 
@@ -97,7 +114,7 @@ class Placement:
         """With parents and constraints, in a dependency graph or as it is now in ``scene`` (or its own scene)."""
         graph = current_depsgraph(obj, scene) if depsgraph is None else depsgraph
         unit = mm_per_unit(graph.scene)
-        matrix = np.array(obj.evaluated_get(graph).matrix_world, dtype=np.float64)  # as stored if not evaluated
+        matrix = np.array(_matrix_in(obj, graph), dtype=np.float64)
         matrix[:3, 3] *= unit
         return cls(matrix=matrix, unit=unit)
 
