@@ -21,6 +21,18 @@ class TestImageLoss:
         targets = [torch.ones(2, 3), torch.tensor([[1.0], [0.0], [0.5], [0.0]])]
         assert float(image_loss(images, targets)) == pytest.approx(6 * 0.25 + 1.5)
 
+    def test_means_over_the_pixels_of_a_view_are_added(self) -> None:
+        images = [torch.full((2, 3), 0.75), torch.zeros(4, 1)]
+        targets = [torch.ones(2, 3), torch.tensor([[1.0], [0.0], [0.5], [0.0]])]
+        assert float(image_loss(images, targets, reduction="mean")) == pytest.approx(0.25 + 1.5 / 4)
+        for larger in (1, 3):  # no view counts more for having more pixels
+            scaled = [[t.repeat(larger, larger) for t in side] for side in (images, targets)]
+            assert float(image_loss(*scaled, reduction="mean")) == pytest.approx(0.25 + 1.5 / 4)
+
+    def test_refuses_other_reductions(self) -> None:
+        with pytest.raises(ValueError, match="'median' is neither"):
+            image_loss([torch.zeros(2, 3)], [torch.zeros(2, 3)], reduction="median")
+
     def test_gradient_is_the_sign_of_the_difference(self) -> None:
         image = torch.tensor([0.2, 0.9, 0.5], requires_grad=True)
         image_loss([image], [torch.tensor([0.6, 0.1, 0.5])]).backward()

@@ -20,25 +20,31 @@ from frametwin.geometry import bezier
 Floats = NDArray[np.float64]
 
 
-def image_loss(images: Sequence[Tensor], targets: Sequence[Tensor]) -> Tensor:
-    """Sum over views and pixels of the absolute difference (paper, Eq. 9).
+def image_loss(images: Sequence[Tensor], targets: Sequence[Tensor], *, reduction: str = "sum") -> Tensor:
+    """Sum over views of the absolute difference (paper, Eq. 9).
 
     Parameters
     ----------
     images, targets : as many pictures (H, W), or flat vectors, of equal sizes in pairs.
+    reduction : over the pixels of each view, "sum" or "mean". The paper writes a sum; the code of 3D Gaussian
+        splatting, on which it builds, takes the mean, and only beside the mean has the paper's weight of the bending
+        term an effect.
 
     Returns
     -------
-    A scalar, in grey values times pixels.
+    A scalar, in grey values, for the sum times pixels.
 
     Raises
     ------
     ValueError
-        If the numbers or the sizes of the pictures do not agree.
+        If the numbers or the sizes of the pictures do not agree, or the reduction is unknown.
     """
+    if reduction not in ("sum", "mean"):
+        raise ValueError(f"{reduction!r} is neither 'sum' nor 'mean'")
     if len(images) != len(targets) or any(a.shape != b.shape for a, b in zip(images, targets, strict=False)):
         raise ValueError("pictures and targets must agree in number and size")
-    return torch.stack([(a - b).abs().sum() for a, b in zip(images, targets, strict=True)]).sum()
+    differences = [(a - b).abs() for a, b in zip(images, targets, strict=True)]
+    return torch.stack([one.mean() if reduction == "mean" else one.sum() for one in differences]).sum()
 
 
 class BendingLoss:
