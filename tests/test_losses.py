@@ -55,9 +55,13 @@ def parabola(points: Tensor) -> Tensor:
 class TestBending:
     def test_gamma_is_the_distance_to_a_power(self) -> None:
         points = np.array([[3.0, 4.0, 5.0], [0.0, 0.0, 7.0], [0.0, 2.0, 13.0]])
-        for power in (1.0, 2.0, 3.5):
+        for power in (0.0, 1.0, 2.0, 3.5):
             gamma = BendingLoss(BOX, MAST, power=power).gamma(points)
-            np.testing.assert_allclose(gamma, [5.0**power, 0.0, np.sqrt(13.0) ** power], rtol=1e-3, atol=1e-3)
+            np.testing.assert_allclose(gamma, [5.0**power, 0.0**power, np.sqrt(13.0) ** power], rtol=1e-3, atol=1e-3)
+
+    def test_without_a_power_every_point_counts_alike(self) -> None:
+        # Also on the print itself; 360 mm^3 times |(2, 0, 1)|^2.
+        assert float(BendingLoss(BOX, MAST, power=0.0, samples=100)(parabola)) == pytest.approx(360.0 * 5.0)
 
     def test_gamma_sees_the_nearest_strut(self) -> None:
         curves = np.concatenate([MAST, bezier.straight([[8.0, 0.0, 0.0]], [[8.0, 30.0, 0.0]])])
@@ -96,7 +100,7 @@ class TestBending:
             values.append(value.item())
         assert np.mean(values[-5:]) < 0.1 * np.mean(values[:5])
 
-    @pytest.mark.parametrize("wrong", [{"power": 0.0}, {"samples": 0}])
+    @pytest.mark.parametrize("wrong", [{"power": -0.5}, {"samples": 0}])
     def test_refuses_settings(self, wrong: dict) -> None:
         with pytest.raises(ValueError, match="positive"):
             BendingLoss(BOX, MAST, **wrong)

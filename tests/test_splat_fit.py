@@ -352,7 +352,7 @@ class TestSettings:
             ("learning_rate_end", 1.0),
             ("opacity_start", 1.0),
             ("bending_weight", -1e-7),
-            ("bending_power", 0.0),
+            ("bending_power", -0.1),
             ("bending_samples", 0),
             ("field", "wavelet"),
             ("decay", "sudden"),

@@ -60,14 +60,14 @@ class BendingLoss:
     ----------
     box : (2, 3) mm, the computational domain.
     control_points : (E, 4, 3) mm, the plan of the printed struts.
-    power : p, above 0; 2 in the paper.
+    power : p, at least 0; 2 in the paper. With 0 every point counts alike.
     samples : points drawn at each call.
     seed : of the generator.
 
     Raises
     ------
     ValueError
-        If the box has no volume, there is no strut, or the power or the number of samples is not positive.
+        If the box has no volume, there is no strut, the power is negative, or there are no samples.
     """
 
     def __init__(
@@ -82,8 +82,8 @@ class BendingLoss:
         from scipy.spatial import cKDTree
 
         curves = np.asarray(control_points, dtype=np.float64)
-        if curves.ndim != 3 or not len(curves) or not power > 0.0 or samples < 1:
-            raise ValueError("the bending term needs a strut, a positive power and at least one sample")
+        if curves.ndim != 3 or not len(curves) or not power >= 0.0 or samples < 1:
+            raise ValueError("the bending term needs a strut, a power of 0 or more and at least one sample")
         self._box = checked_box(box)
         self._power, self._samples = power, samples
         self._rng = np.random.default_rng(seed)

@@ -85,7 +85,7 @@ class FitSettings(Changeable):
     opacity_rate: Rate = 2.5e-2
     opacity_start: Annotated[float, within(0.01, 0.99)] = 0.9
     bending_weight: Annotated[float, within(0.0, 1e12)] = 1e-7
-    bending_power: Annotated[float, within(1e-3, 16.0)] = 2.0
+    bending_power: Annotated[float, within(0.0, 16.0)] = 2.0
     bending_samples: Annotated[int, within(1, 10_000_000)] = 2048
     lattice_cells: Annotated[
         tuple[Annotated[int, within(1, 64)], ...],
