@@ -5,10 +5,10 @@
     python scripts/reproduce_paper.py --out out/evidence --only table1 views --pavilion FILE
     python scripts/reproduce_paper.py --out out/evidence --only none --page docs    the page anew, from what is there
 
-Each case is a process of its own and leaves one JSON file; a case that is there already is not run again, so the
-command goes on where it was stopped, by Ctrl-C or otherwise. Results with reduced settings lie beside those of full size;
-the page shows those of full size where there are any. The Pavilion is not among the frames that come with the project or
-lie beside it: give its file.
+Each case is a process of its own and leaves one JSON file. A case that is there already is not run again, so the
+command goes on where it was stopped, by Ctrl-C or otherwise. Results with reduced settings lie beside those of full
+size; the page shows those of full size where there are any. The Pavilion is not among the frames that come with the
+project or lie beside it: give its file.
 """
 
 from __future__ import annotations
