@@ -102,7 +102,7 @@ class TestBending:
 
     @pytest.mark.parametrize("wrong", [{"power": -0.5}, {"samples": 0}])
     def test_refuses_settings(self, wrong: dict) -> None:
-        with pytest.raises(ValueError, match="positive"):
+        with pytest.raises(ValueError, match="needs a strut, a power of 0 or more"):
             BendingLoss(BOX, MAST, **wrong)
 
     def test_refuses_flat_boxes_and_no_struts(self) -> None:

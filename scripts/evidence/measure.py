@@ -26,10 +26,8 @@ from frametwin.scratch import scratch_folder
 from frametwin.simulation.simulate import Simulation, SimulationSettings, simulate
 from frametwin.twin.twin import Twin
 from scripts.evidence.cases import WAYS, Case
+from scripts.evidence.records import BINS
 from scripts.evidence.scenes import cube_with_one_bent_strut, masks_of, peak_megabytes, whole_frame
-
-BINS = [0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0]
-"""Edges in mm of the histogram of the struts' mean errors; the last class has all that is beyond."""
 
 GONE = 0.5
 """Kernels of a lower opacity are left out, as in the paper's figure."""

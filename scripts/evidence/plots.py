@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scripts.evidence import paper
-from scripts.evidence.measure import BINS
-from scripts.evidence.records import Record, best
+from scripts.evidence.records import BINS, Record, best
 
 Axes = Any
 """matplotlib's."""

@@ -15,6 +15,9 @@ from scripts.evidence.cases import Case
 
 FORMAT = "frametwin-evidence"
 
+BINS = [0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0]
+"""Edges in mm of the histogram of the struts' mean errors; the last class has all that is beyond."""
+
 Record = dict[str, Any]
 """``conditions`` of a case, its ``result``, and the ``machine`` and version that it was made with."""
 
