@@ -190,7 +190,7 @@ def errors(mean: float, largest: float) -> dict[str, dict[str, float]]:
 @pytest.fixture
 def results(tmp_path: Path) -> Path:
     out = tmp_path / "results"
-    common = {"struts": 772, "seconds": 12.34, "megabytes": 900, "loss": [4.0, 2.0, 1.0]}
+    common = {"struts": 772, "seconds": 12.34, "processor_seconds": 20.0, "megabytes": 900, "loss": [4.0, 2.0, 1.0]}
     histogram = [0] * len(BINS)
     histogram[2] = 772
     for name, quick, mean in (("Femur-paper", True, 0.5), ("Femur-fast", False, 0.0625), ("Coral-paper", True, 0.25)):
@@ -198,8 +198,8 @@ def results(tmp_path: Path) -> Path:
     record(out, "table1", "Femur-paper", after=errors(0.125, 1.5), histogram=histogram, **common)
     for name in ("1", "2", "inf"):
         record(out, "power", name, after=errors(0.5, 1.5), histogram=histogram, **common)
-    record(out, "prints", "bridge-adapted", e_max=[1.25, 2.5], completed=True, collapsed_at_batch=None)
-    record(out, "prints", "bridge-plain", e_max=[1.5], completed=False, collapsed_at_batch=1)
+    record(out, "prints", "bridge-adapted", e_max=[1.25, 2.5], batches=2, completed=True, collapsed_at_batch=None)
+    record(out, "prints", "bridge-plain", e_max=[1.5], batches=2, completed=False, collapsed_at_batch=1)
     return out
 
 
@@ -213,7 +213,7 @@ class TestPage:
         lines = tables.table1(read_records(results)).splitlines()
         rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| Femur")]
         assert rows[0][:5] == ["Femur", "772", "0.125 / 1.50", "0.062 / 0.19", "0.115 / 1.82"]
-        assert rows[1] == ["Femur", "772", "12.3", "900", "12.3", "900", "61", "6190"]
+        assert rows[1] == ["Femur", "772", *["12.3", "20", "900"] * 2, "61", "6190"]
         (coral,) = [line for line in lines if line.startswith("| Coral") and "0.209" in line]
         assert "0.250 / 0.75*" in coral  # reduced, and said so
 

@@ -42,18 +42,22 @@ def power_errors(axes: Axes, records: Sequence[Record]) -> None:
 
 
 def displacement(axes: Axes, records: Sequence[Record]) -> None:
-    """Largest displacement by batch, with adaptation and without."""
+    """Largest displacement by batch, with adaptation and without; a cross where a print collapsed."""
     colours: dict[str, Any] = {}
     for name, record in best(records, "prints").items():
         frame, _, way = name.partition("-")
-        values = record["result"]["e_max"]
-        style = "-" if way == "adapted" else ":"
-        label = f"{frame}, {'with' if way == 'adapted' else 'without'}"
-        (line,) = axes.plot(range(1, len(values) + 1), values, style, marker="o", label=label, color=colours.get(frame))
+        result, adapted = record["result"], way == "adapted"
+        values, label = result["e_max"], f"{frame}, {'with' if adapted else 'without'}"
+        shares = [100.0 * batch / result["batches"] for batch in range(1, len(values) + 1)]
+        style, colour = "-" if adapted else ":", colours.get(frame)
+        (line,) = axes.plot(shares, values, style, marker="o", markersize=4, label=label, color=colour)
         colours[frame] = line.get_color()
+        if result["collapsed_at_batch"] is not None:
+            axes.plot(shares[-1], values[-1], "X", markersize=12, color=colours[frame])
     for frame, known in paper.E_MAX.items():
-        axes.plot(range(1, len(known) + 1), known, "--", marker="s", alpha=0.6, label=f"{frame}, the paper's, with")
-    axes.set_xlabel("batch")
+        shares = [100.0 * batch / len(known) for batch in range(1, len(known) + 1)]
+        axes.plot(shares, known, "--", marker="s", markersize=4, alpha=0.6, label=f"{frame}, the paper's, with")
+    axes.set_xlabel("batches printed, %")
     axes.set_ylabel("largest displacement, mm")
 
 
@@ -64,7 +68,7 @@ FIGURES: dict[str, dict[str, tuple[str, Callable[[Axes, Sequence[Record]], None]
         "power": ("Loss over its first value, by iteration and power p", powers),
         "power-errors": ("Struts by their mean error and power p", power_errors),
     },
-    "prints": {"prints": ("Largest displacement by batch", displacement)},
+    "prints": {"prints": ("Largest displacement by share of the print; crosses are collapses", displacement)},
 }
 """By experiment and file: what it shows, and what draws it."""
 
