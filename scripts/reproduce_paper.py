@@ -64,7 +64,10 @@ def run_one(out: Path, case: Case) -> int:
     """Run a case in this process and write its result."""
     from scripts.evidence.measure import measured
 
-    result = measured(case, EverySoOften(say))
+    try:
+        result = measured(case, EverySoOften(say))
+    except KeyboardInterrupt:  # the process that runs all cases tells of it
+        return 130
     write_record(out, case, {**result, "processor_seconds": round(process_time(), 1)})
     return 0
 

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +106,20 @@ class TestRuns:
             run_all(CASES, tmp_path / "out", command(tmp_path / "log", 130), lambda text: None)
         assert (tmp_path / "log").read_text().split() == ["4-paper"]
         assert not (tmp_path / "out").exists()
+
+    @pytest.mark.skipif(os.name == "nt", reason="there, Ctrl-C reaches both processes by itself")
+    def test_ctrl_c_ends_the_case_that_runs(self, tmp_path: Path) -> None:
+        script = DOCS.parent / "scripts" / "reproduce_paper.py"
+        words = [sys.executable, str(script), "--out", str(tmp_path / "out"), "--quick", "--only", "cube"]
+        with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stderr is not None
+            said = [process.stderr.readline() for _ in range(2)]
+            assert said[1] == "[1/3] cube paper\n"
+            process.send_signal(signal.SIGINT)
+            rest = process.stderr.read()  # up to its end, and its child's
+            assert process.wait() == 130
+        assert rest == "Interrupted.\n"
+        assert not list((tmp_path / "out").rglob("*.json"))
 
     def test_progress_is_said_now_and_then(self, monkeypatch: pytest.MonkeyPatch) -> None:
         now, said = [0.0], []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -65,11 +66,26 @@ def run_all(cases: Sequence[Case], out: Path, command: Callable[[Case], Sequence
     say(f"{len(cases) - len(missing)} of {len(cases)} cases are there; {len(missing)} to run.")
     failed = []
     for number, case in enumerate(missing, 1):
-        say(f"[{number}/{len(missing)}] {case.experiment} {case.name}")
-        done = subprocess.run([sys.executable, *command(case)], check=False)
-        if done.returncode == 130:
+        title = f"[{number}/{len(missing)}] {case.experiment} {case.name}"
+        code = _run([sys.executable, *command(case)], partial(say, title))
+        if code == 130:
             raise KeyboardInterrupt
-        if done.returncode != 0 or not is_done(out, case):
-            say(f"[{number}/{len(missing)}] {case.experiment} {case.name} failed")
+        if code != 0 or not is_done(out, case):
+            say(f"{title} failed")
             failed.append(case)
     return failed
+
+
+def _run(words: Sequence[str], begun: Callable[[], object]) -> int:
+    """Run a command, and tell when it has begun; its exit code.
+
+    It is out of reach of Ctrl-C: when we are told to end, so is it, and waited for.
+    """
+    with subprocess.Popen(words, start_new_session=True) as process:
+        try:
+            begun()
+            return process.wait()
+        except KeyboardInterrupt:
+            process.terminate()
+            process.wait()
+            raise
