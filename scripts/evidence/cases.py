@@ -16,6 +16,12 @@ PRESETS = ("paper", "fast")
 WEIGHTS = (0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
 POWERS = (0.0, 1.0, 2.0, float("inf"))
 VIEWS = (4, 6, 8, 10)
+SHARES = (0.25, 0.5, 1.0)
+"""Of the struts, that are printed."""
+
+CAMERA_SIZE = [3000, 4000]
+"""Height and width of the pictures of the paper's real prints."""
+
 WAYS: dict[str, dict[str, Any]] = {"plain": {"adapt": False}, "adapted": {"reprint": True}}
 """Of printing: changes of `PlanOptions`."""
 
@@ -92,6 +98,15 @@ def table1(plan: Plan) -> Iterator[Case]:
                 yield plan.fit("table1", f"{frame}-{preset}", frame, preset)
 
 
+def partial(plan: Plan) -> Iterator[Case]:
+    """Partial prints, in pictures as large as the paper's cameras take."""
+    for frame in ("bridge", "half_bowl"):
+        for share in SHARES:
+            for preset in PRESETS:
+                simulation = {"printed": share, "size": CAMERA_SIZE}
+                yield plan.fit("partial", f"{frame}-{share:g}-{preset}", frame, preset, simulation=simulation)
+
+
 def views(plan: Plan) -> Iterator[Case]:
     """Fewer cameras and more."""
     frame = "Pavilion" if "Pavilion" in plan.frames else "Femur"
@@ -144,6 +159,7 @@ def prints(plan: Plan) -> Iterator[Case]:
 
 EXPERIMENTS = {
     "table1": table1,
+    "partial": partial,
     "views": views,
     "power": power,
     "bending": bending,

@@ -48,7 +48,10 @@ def measured(case: Case, progress: ProgressCallback | None = None) -> dict[str, 
 
 def _fit(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
     _load_compiled_kernels(case.preset)
-    capture = simulate(whole_frame(Path(case.frame)), SimulationSettings(**case.simulation))
+    simulation = dict(case.simulation)
+    if "size" in simulation:
+        simulation["size"] = tuple(simulation["size"])  # which files have as a list
+    capture = simulate(whole_frame(Path(case.frame)), SimulationSettings(**simulation))
     masks = masks_of(capture)
     began = perf_counter()
     result = fit_views(capture.frame, capture.cameras, masks, case.preset, changes=case.changes, callback=progress)
@@ -58,6 +61,7 @@ def _fit(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
     before = evaluate(capture.frame.control_points, capture.frame.vertices, capture.truth, capture.present)
     return {
         "struts": capture.frame.strut_count,
+        "printed": int(capture.frame.printed.sum()),
         "seconds": round(seconds, 2),
         "megabytes": round(peak_megabytes()),
         "before": before.summary(),

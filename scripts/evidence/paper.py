@@ -16,6 +16,9 @@ SECONDS = {"Femur": 60.99, "Pavilion": 110.36, "Coral": 359.52, "Lounge": 1030.7
 MEGABYTES = {"Femur": 6189.72, "Pavilion": 7785.31, "Coral": 12656.85, "Lounge": 20153.46}
 """Of the GPU's memory, table II."""
 
+PARTIAL_SECONDS = {"bridge": (71.51, 72.61), "half_bowl": (70.36, 73.11)}
+"""Least and most that a twin of its partial prints took, of 3000x4000 pictures, table II."""
+
 E_MAX = {
     "bunny head": (6.52, 8.16, 10.2, 13.9, 15.1, 17.1, 17.9, 18.3),
     "bridge": (8.49, 11.3, 13.3, 14.5),

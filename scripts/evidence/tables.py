@@ -59,6 +59,25 @@ def table1(records: Sequence[Record]) -> str:
     )
 
 
+def partial(records: Sequence[Record]) -> str:
+    """Table II: partial prints."""
+    found = best(records, "partial")
+    rows = []
+    for frame, share in sorted({tuple(name.split("-")[:2]) for name in found}, key=lambda key: (key[0], float(key[1]))):
+        ours = {preset: found.get(f"{frame}-{share}-{preset}") for preset in ("paper", "fast")}
+        result = next(record for record in ours.values() if record is not None)["result"]
+        reported = " to ".join(f"{seconds:.0f}" for seconds in paper.PARTIAL_SECONDS[frame])
+        rows.append([frame, f"{result['printed']} of {result['struts']}"])
+        for record in ours.values():
+            rows[-1] += [errors(record), *_costs(record)[:2]]
+        rows[-1].append(reported)
+    mine = [f"`{preset}`, {what}" for preset in ("paper", "fast") for what in ("mm", "s", "processor s")]
+    return (
+        "## Partial prints (table II)\n\nPictures of 4000x3000, as the paper's cameras take them; its frames of these"
+        " names are others, of about as many struts.\n\n" + table(["frame", "printed", *mine, "the paper, s"], rows)
+    )
+
+
 _COSTS = {"seconds": 1, "processor_seconds": 0, "megabytes": 0}
 """What a fit has used, and with how many digits that is told."""
 
@@ -182,6 +201,7 @@ def _frames(found: dict[str, Record]) -> str:
 
 SECTIONS: dict[str, Any] = {
     "table1": table1,
+    "partial": partial,
     "views": views,
     "power": power,
     "bending": bending,
