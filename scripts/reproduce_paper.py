@@ -17,14 +17,16 @@ import argparse
 import signal
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
 from typing import NoReturn
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modules beside this one
 
+from frametwin.errors import InputError
 from scripts.command import exit_code, say
-from scripts.evidence.cases import EXPERIMENTS, Case, cases_of, plan_of
+from scripts.evidence.cases import EXPERIMENTS, PAPER_FRAMES, Case, cases_of, plan_of
 from scripts.evidence.records import read_records, write_record
 from scripts.evidence.runs import EverySoOften, run_all
 
@@ -43,7 +45,8 @@ def parser() -> argparse.ArgumentParser:
 
 def work(options: argparse.Namespace) -> int:
     """Run what is missing and write the page; 1 if a case failed."""
-    cases = cases_of(plan_of(options.quick, options.pavilion), tuple(options.only))
+    plan = plan_of(options.quick, options.pavilion)
+    cases = cases_of(plan, tuple(options.only))
     if options.one:
         return run_one(options.out, next(c for c in cases if [c.experiment, c.name] == options.one))
 
@@ -52,6 +55,10 @@ def work(options: argparse.Namespace) -> int:
         pavilion = [] if options.pavilion is None else ["--pavilion", str(options.pavilion)]
         return [*words, *pavilion, *(["--quick"] if options.quick else [])]
 
+    if find_spec("matplotlib") is None:
+        raise InputError.at("Python", "matplotlib", "is not installed", "install it, as the set-up of the README does")
+    if cases and (absent := [name for name in PAPER_FRAMES if name not in plan.frames]):
+        say(f"Without these frames of the paper, which are not here: {', '.join(absent)}.")
     failed = run_all(cases, options.out, command, say)
     from scripts.evidence.page import write_page  # draws, which the runs need not wait for
 

@@ -90,9 +90,13 @@ def frame_name(path: str) -> str:
     return Path(path).stem.removeprefix("Node").removesuffix("_wireframe") if path else "cube"
 
 
+PAPER_FRAMES = ("Femur", "Coral", "Lounge", "Pavilion")
+"""Of table I."""
+
+
 def table1(plan: Plan) -> Iterator[Case]:
     """The paper's frames, by its method and by ours."""
-    for frame in ("Femur", "Coral", "Lounge", "Pavilion"):
+    for frame in PAPER_FRAMES:
         if frame in plan.frames:
             for preset in PRESETS:
                 yield plan.fit("table1", f"{frame}-{preset}", frame, preset)

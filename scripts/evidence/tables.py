@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from scripts.evidence import paper
+from scripts.evidence.cases import PAPER_FRAMES
 from scripts.evidence.records import Record, best
 
 
@@ -37,7 +38,7 @@ def table1(records: Sequence[Record]) -> str:
     """Table I: errors; table II: seconds and memory."""
     found = best(records, "table1")
     rows, costs = [], []
-    for frame in ("Femur", "Coral", "Lounge", "Pavilion"):
+    for frame in PAPER_FRAMES:
         ours = {preset: found.get(f"{frame}-{preset}") for preset in ("paper", "fast")}
         some = ours["fast"] or ours["paper"]
         if some is None:
