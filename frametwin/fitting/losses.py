@@ -27,8 +27,8 @@ def image_loss(images: Sequence[Tensor], targets: Sequence[Tensor], *, reduction
     ----------
     images, targets : as many pictures (H, W), or flat vectors, of equal sizes in pairs.
     reduction : over the pixels of each view, "sum" or "mean". The paper writes a sum; the code of 3D Gaussian
-        splatting, on which it builds, takes the mean, and only beside the mean has the paper's weight of the bending
-        term an effect.
+        splatting, on which it builds, takes the mean; beside a sum over millions of pixels the paper's weight of the
+        bending term is without effect.
 
     Returns
     -------
