@@ -25,20 +25,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modules beside this one
+
+from scripts.evidence import paper
+from scripts.evidence.scenes import frame_files, masks_of, peak_megabytes, whole_frame
+from scripts.evidence.tables import pair
+
 if TYPE_CHECKING:
     from frametwin.cameras import Camera
     from frametwin.simulation.simulate import Simulation
 
-ROOT = Path(__file__).resolve().parent.parent
-SHARED = ROOT.parent / "shared" / "frames"
-PAPER = {
-    "Femur": (60.99, 0.1147, 1.816),
-    "Coral": (359.52, 0.2086, 2.436),
-    "Lounge": (1030.78, 0.2512, 2.498),
-}
-"""Seconds on an RTX 4090, mean and largest error in mm, from tables I and II of the paper."""
-OWN = ("bridge", "half_bowl", "lattice_tower")
-RADIUS_SHARE = 0.06
 COLUMNS = (
     "frame",
     "struts",
@@ -52,44 +48,20 @@ COLUMNS = (
 )
 
 
-def frame_files() -> dict[str, Path]:
-    """Every frame by name: the project's own, and those beside it if they are there."""
-    found = {name: ROOT / "datasets" / "frames" / f"{name}.json" for name in OWN}
-    for path in sorted(SHARED.glob("rl3dp/Node*_wireframe.txt")):
-        found[path.name.removeprefix("Node").removesuffix("_wireframe.txt")] = path
-    found.update(
-        {path.name.split("_S1")[0].removesuffix(".json"): path for path in SHARED.glob("assembly_instances/*")}
-    )
-    return found
-
-
-def peak_megabytes() -> float:
-    """Largest resident size of this process so far, in MB; NaN where the system does not tell."""
-    try:
-        import resource
-    except ImportError:
-        return float("nan")
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
-
-
 def measure(path: Path, preset: str, seed: int, views: int, pictures: str = "library") -> dict:
     """One fit of one frame, in this process."""
     from frametwin.evaluation.evaluate import evaluate
     from frametwin.fitting.api import fit_views
-    from frametwin.formats import read_frame
     from frametwin.geometry.parametric import named_frame
     from frametwin.simulation.simulate import SimulationSettings, simulate
 
     small = simulate(named_frame("bridge"), SimulationSettings(views=2, size=(120, 160)))
     changes = {} if preset == "fast" else {"iterations": 1}
-    fit_views(small.frame, small.cameras, _masks(small), preset, changes=changes)
+    fit_views(small.frame, small.cameras, masks_of(small), preset, changes=changes)
 
-    frame = read_frame(path)
-    radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
-    frame = frame.replace(radius=np.full(frame.strut_count, radius), printed=np.ones(frame.strut_count, dtype=bool))
+    frame = whole_frame(path)
     capture = simulate(frame, SimulationSettings(views=views, seed=seed))
-    masks = _masks(capture) if pictures == "library" else _masks_by_blender(capture, pictures)
+    masks = masks_of(capture) if pictures == "library" else _masks_by_blender(capture, pictures)
     began = perf_counter()
     twin = fit_views(capture.frame, capture.cameras, masks, preset, seed=seed).twin
     seconds = perf_counter() - began
@@ -101,10 +73,6 @@ def measure(path: Path, preset: str, seed: int, views: int, pictures: str = "lib
         "megabytes": peak_megabytes(),
         "timing": dict(twin.timing),
     }
-
-
-def _masks(capture: Simulation) -> list[np.ndarray]:
-    return [image.astype(np.float32) / np.float32(255) for image in capture.images]
 
 
 def _masks_by_blender(capture: Simulation, style: str) -> list[np.ndarray]:
@@ -140,17 +108,18 @@ def run(name: str, path: Path, preset: str, seed: int, views: int, pictures: str
 def row(result: dict) -> str:
     """One line of the table."""
     after = result["after"]
-    paper = PAPER.get(result["frame"])
+    name = result["frame"]
+    reported = "" if name not in paper.ERRORS else f"{paper.SECONDS[name]:.0f} s, {pair(paper.ERRORS[name])}"
     cells = (
         result["frame"],
         str(result["struts"]),
         result["preset"] + ("" if result["pictures"] == "library" else f", {result['pictures']} by Blender"),
         f"{result['seconds']:.1f}",
-        f"{after['curves']['mean']:.3f} / {after['curves']['max']:.2f}",
+        pair((after["curves"]["mean"], after["curves"]["max"])),
         f"{after['joints']['mean']:.3f}",
-        f"{after['equal_parameter']['mean']:.3f} / {after['equal_parameter']['max']:.2f}",
+        pair((after["equal_parameter"]["mean"], after["equal_parameter"]["max"])),
         f"{result['megabytes']:.0f}",
-        "" if paper is None else f"{paper[0]:.0f} s, {paper[1]:.3f} / {paper[2]:.2f}",
+        reported,
     )
     return "| " + " | ".join(cells) + " |"
 

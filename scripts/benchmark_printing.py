@@ -14,15 +14,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark import RADIUS_SHARE, frame_files
 
-from frametwin.formats import read_frame
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modules beside this one
+
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.plan_job import PlanOptions
 from frametwin.printing.records.sequence_file import write_sequence
@@ -30,6 +31,7 @@ from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
 from frametwin.printing.simulation.simulate import SimulationOptions, simulate_print
 from frametwin.printing.simulation.simulated_pictures import SimulatedRig
 from frametwin.scratch import scratch_folder
+from scripts.evidence.scenes import frame_files, whole_frame
 
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
 WAYS: dict[str, dict[str, Any]] = {
@@ -56,10 +58,8 @@ COLUMNS = (
 
 def design_of(name: str) -> Wireframe:
     """The frame with struts of the radius that all benchmarks have, in no order."""
-    frame = read_frame(frame_files()[name])
-    radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
-    batch = np.zeros(frame.strut_count, dtype=np.int64)
-    return frame.replace(radius=np.full(frame.strut_count, radius), batch=batch)
+    frame = whole_frame(frame_files()[name])
+    return frame.replace(batch=np.zeros(frame.strut_count, dtype=np.int64))
 
 
 def run(frame: Wireframe, order: Path, way: str, seed: int, folder: Path) -> dict:

@@ -42,6 +42,7 @@ FIELDS = {
     "trainable lattice": lambda: TrainableLattice(lattice(), scale=5.0),
     "network": lambda: randomised(NetworkField(BOX, NetworkShape(4, 5, 16, 2))),
     "network in double": lambda: randomised(NetworkField(BOX, NetworkShape(2, 3, 8, 1)).double()),
+    "network with pi": lambda: randomised(NetworkField(BOX, NetworkShape(4, 5, 16, 2), encoding="with_pi")),
     "free": lambda: randomised(FreeField(POINTS[:20], scale=3.0)),
     "nodes": lambda: randomised(NodesField(POINTS[:20], scale=3.0, neighbours=3)),
 }
@@ -55,6 +56,28 @@ def test_round_trip(name: str, tmp_path: Path) -> None:
     assert again.kind == field.kind
     np.testing.assert_allclose(again.evaluate(POINTS), field.evaluate(POINTS), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(again.laplacian(POINTS), field.laplacian(POINTS), rtol=1e-12, atol=1e-10)
+
+
+class BeforeEncodings(NetworkField):
+    """A network as it was written before its file told the encoding, which then had a pi."""
+
+    def metadata(self) -> dict[str, str]:
+        return {name: text for name, text in super().metadata().items() if name != "encoding"}
+
+
+def test_networks_that_do_not_tell_their_encoding_have_pi(tmp_path: Path) -> None:
+    field = randomised(BeforeEncodings(BOX, NetworkShape(4, 5, 16, 2), encoding="with_pi"))
+    save_field(tmp_path / "field.safetensors", field)
+    again = load_field(tmp_path / "field.safetensors")
+    np.testing.assert_allclose(again.evaluate(POINTS), field.evaluate(POINTS), rtol=1e-12, atol=1e-12)
+
+
+def test_unknown_encodings_are_refused(tmp_path: Path) -> None:
+    field = NetworkField(BOX, NetworkShape(4, 5, 16, 2))
+    field.encoding = "wavelets"
+    save_field(tmp_path / "field.safetensors", field)
+    with pytest.raises(InputError, match="does not hold a whole field"):
+        load_field(tmp_path / "field.safetensors")
 
 
 def test_the_same_field_gives_the_same_bytes_in_every_process(tmp_path: Path) -> None:

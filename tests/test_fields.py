@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -14,6 +16,7 @@ from frametwin.fields.lattice import LatticeField, even_cells
 from frametwin.fields.lattice_fit import fit_lattice
 from frametwin.fields.lattice_torch import TrainableLattice
 from frametwin.fields.network import NetworkField, NetworkShape
+from frametwin.fields.network_options import ENCODINGS, INITIAL_WEIGHTS
 from frametwin.fields.nodes import NodesField, turn_matrices
 from frametwin.fields.sampling import CurveSampling
 from frametwin.fields.torch_field import TorchField
@@ -40,9 +43,10 @@ def random_lattice(seed: int = 0) -> LatticeField:
     return field.with_coefficients(np.random.default_rng(seed).normal(size=field.coefficients.shape))
 
 
-def small_network(seed: int = 0, octaves: int = 3, width: int = 24) -> NetworkField:
+def small_network(seed: int = 0, octaves: int = 3, width: int = 24, encoding: str = "without_pi") -> NetworkField:
     """A network whose last layer is not zero, in double precision."""
-    field = NetworkField(BOX, NetworkShape(octaves, layers=4, width=width, skip=2), seed=seed).double()
+    shape = NetworkShape(octaves, layers=4, width=width, skip=2)
+    field = NetworkField(BOX, shape, seed=seed, encoding=encoding).double()
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for parameter in field.output.parameters():
@@ -215,8 +219,9 @@ class TestLatticeFit:
 
 
 class TestNetwork:
-    def test_starts_at_exactly_zero(self) -> None:
-        field = NetworkField(BOX)
+    @pytest.mark.parametrize("initial_weights", INITIAL_WEIGHTS)
+    def test_starts_at_exactly_zero(self, initial_weights: str) -> None:
+        field = NetworkField(BOX, initial_weights=initial_weights)
         assert not field.evaluate(around()).any()
         assert not field.laplacian(around()).any()
 
@@ -225,13 +230,33 @@ class TestNetwork:
         assert [layer.in_features for layer in field.hidden] == [63, 256, 256, 256, 319, 256, 256, 256]
         assert all(layer.out_features == 256 for layer in field.hidden)
 
-    def test_encoding_is_the_papers(self) -> None:
-        field = NetworkField(BOX)
-        x = torch.tensor([[0.1, -0.3, 0.7]])
+    @pytest.mark.parametrize(("encoding", "base"), [("without_pi", 1.0), ("with_pi", math.pi)])
+    def test_encoding_has_the_octaves_of_its_name(self, encoding: str, base: float) -> None:
+        field = NetworkField(BOX, encoding=encoding).double()
+        x = torch.tensor([[0.1, -0.3, 0.7]]).double()
         parts = [x]
         for octave in range(10):
-            parts += [torch.sin(2.0**octave * torch.pi * x), torch.cos(2.0**octave * torch.pi * x)]
-        torch.testing.assert_close(field._encode(x), torch.cat(parts, dim=-1), rtol=0.0, atol=2e-4)
+            parts += [torch.sin(2.0**octave * base * x), torch.cos(2.0**octave * base * x)]
+        torch.testing.assert_close(field._encode(x), torch.cat(parts, dim=-1))
+
+    @pytest.mark.parametrize(("initial_weights", "variance"), [("torch", 1.0 / 3.0), ("he", 2.0)])
+    def test_first_weights_have_the_variance_of_their_name(self, initial_weights: str, variance: float) -> None:
+        for layer in NetworkField(BOX, initial_weights=initial_weights).hidden:
+            assert layer.in_features * float(layer.weight.detach().var()) == pytest.approx(variance, rel=0.05)
+            assert bool(layer.bias.any()) == (initial_weights == "torch")
+
+    def test_the_default_weights_are_drawn_as_torch_draws_them(self) -> None:
+        ours = torch.cat([layer.weight.detach().flatten() for layer in NetworkField(BOX).hidden])
+        with torch.random.fork_rng():
+            torchs = torch.cat([torch.nn.Linear(256, 256).weight.detach().flatten() for _ in range(4)])
+        edge = 1.0 / 16.0  # of what torch draws for 256 inputs, the fewest but the first layer's
+        assert float(torchs.abs().max()) == pytest.approx(edge, rel=1e-3)
+        assert float(ours[63 * 256 : (63 + 256) * 256].abs().max()) == pytest.approx(edge, rel=1e-3)
+
+    def test_refuses_what_is_no_choice(self) -> None:
+        for wrong in ({"encoding": "letter"}, {"initial_weights": "zero"}):
+            with pytest.raises(ValueError, match="no encoding, or"):
+                NetworkField(BOX, **wrong)
 
     def test_longest_side_becomes_minus_one_to_one(self) -> None:
         field = NetworkField(BOX).double()
@@ -239,8 +264,9 @@ class TestNetwork:
         expected = torch.tensor([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [20.0 / 45.0, 0.0, 0.0]]).double()
         torch.testing.assert_close(ends, expected)
 
-    def test_laplacian_is_the_trace_of_the_hessian(self) -> None:
-        field = small_network(octaves=10)
+    @pytest.mark.parametrize("encoding", ENCODINGS)
+    def test_laplacian_is_the_trace_of_the_hessian(self, encoding: str) -> None:
+        field = small_network(octaves=10, encoding=encoding)
         points = torch.from_numpy(inside(6))
         expected = torch.stack(
             [
@@ -255,9 +281,11 @@ class TestNetwork:
         )
         torch.testing.assert_close(field.laplacian_of(points), expected, rtol=1e-8, atol=1e-8)
 
-    def test_laplacian_is_that_of_finite_differences(self) -> None:
-        field, points = small_network(), inside(60)
-        expected = second_differences(field, points, 1e-4)
+    # Slow waves take longer steps, or the differences drown in rounding.
+    @pytest.mark.parametrize(("encoding", "step"), [("without_pi", 5e-4), ("with_pi", 1e-4)])
+    def test_laplacian_is_that_of_finite_differences(self, encoding: str, step: float) -> None:
+        field, points = small_network(encoding=encoding), inside(60)
+        expected = second_differences(field, points, step)
         difference = np.abs(field.laplacian(points) - expected).max(axis=1)
         # A step across the kink of a ReLU sees its jump in slope: rare, and then far off.
         assert np.median(difference) < 1e-4 * np.abs(expected).max()

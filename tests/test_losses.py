@@ -21,6 +21,18 @@ class TestImageLoss:
         targets = [torch.ones(2, 3), torch.tensor([[1.0], [0.0], [0.5], [0.0]])]
         assert float(image_loss(images, targets)) == pytest.approx(6 * 0.25 + 1.5)
 
+    def test_means_over_the_pixels_of_a_view_are_added(self) -> None:
+        images = [torch.full((2, 3), 0.75), torch.zeros(4, 1)]
+        targets = [torch.ones(2, 3), torch.tensor([[1.0], [0.0], [0.5], [0.0]])]
+        assert float(image_loss(images, targets, reduction="mean")) == pytest.approx(0.25 + 1.5 / 4)
+        for larger in (1, 3):  # no view counts more for having more pixels
+            scaled = [[t.repeat(larger, larger) for t in side] for side in (images, targets)]
+            assert float(image_loss(*scaled, reduction="mean")) == pytest.approx(0.25 + 1.5 / 4)
+
+    def test_refuses_other_reductions(self) -> None:
+        with pytest.raises(ValueError, match="'median' is neither"):
+            image_loss([torch.zeros(2, 3)], [torch.zeros(2, 3)], reduction="median")
+
     def test_gradient_is_the_sign_of_the_difference(self) -> None:
         image = torch.tensor([0.2, 0.9, 0.5], requires_grad=True)
         image_loss([image], [torch.tensor([0.6, 0.1, 0.5])]).backward()
@@ -43,9 +55,13 @@ def parabola(points: Tensor) -> Tensor:
 class TestBending:
     def test_gamma_is_the_distance_to_a_power(self) -> None:
         points = np.array([[3.0, 4.0, 5.0], [0.0, 0.0, 7.0], [0.0, 2.0, 13.0]])
-        for power in (1.0, 2.0, 3.5):
+        for power in (0.0, 1.0, 2.0, 3.5):
             gamma = BendingLoss(BOX, MAST, power=power).gamma(points)
-            np.testing.assert_allclose(gamma, [5.0**power, 0.0, np.sqrt(13.0) ** power], rtol=1e-3, atol=1e-3)
+            np.testing.assert_allclose(gamma, [5.0**power, 0.0**power, np.sqrt(13.0) ** power], rtol=1e-3, atol=1e-3)
+
+    def test_without_a_power_every_point_counts_alike(self) -> None:
+        # Also on the print itself; 360 mm^3 times |(2, 0, 1)|^2.
+        assert float(BendingLoss(BOX, MAST, power=0.0, samples=100)(parabola)) == pytest.approx(360.0 * 5.0)
 
     def test_gamma_sees_the_nearest_strut(self) -> None:
         curves = np.concatenate([MAST, bezier.straight([[8.0, 0.0, 0.0]], [[8.0, 30.0, 0.0]])])
@@ -84,9 +100,9 @@ class TestBending:
             values.append(value.item())
         assert np.mean(values[-5:]) < 0.1 * np.mean(values[:5])
 
-    @pytest.mark.parametrize("wrong", [{"power": 0.0}, {"samples": 0}])
+    @pytest.mark.parametrize("wrong", [{"power": -0.5}, {"samples": 0}])
     def test_refuses_settings(self, wrong: dict) -> None:
-        with pytest.raises(ValueError, match="positive"):
+        with pytest.raises(ValueError, match="needs a strut, a power of 0 or more"):
             BendingLoss(BOX, MAST, **wrong)
 
     def test_refuses_flat_boxes_and_no_struts(self) -> None:

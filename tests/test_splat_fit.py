@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Iterator
 
 import numba
@@ -20,6 +22,7 @@ from frametwin.fitting.api import fit_views
 from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.settings import FIELD_KINDS, PRESETS, FitSettings, preset
 from frametwin.fitting.splat_fit import SplatFitter
+from frametwin.fitting.splat_fit import _rate as rate_at
 from frametwin.fitting.splat_model import stretched
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
@@ -89,7 +92,8 @@ class TestFit:
     @pytest.mark.parametrize(
         ("name", "rates", "share"),
         [
-            ("paper", (5e-4, 5e-5), 0.3),
+            ("paper", (1e-4, 1e-5), 0.3),
+            ("paper-letter", (5e-4, 5e-5), 0.3),
             ("paper-lattice", (1e-2, 1e-3), 0.25),
             ("deformation-driven", (6e-3, 1e-3), 0.4),
         ],
@@ -159,11 +163,13 @@ class TestFit:
         fit = fit_splats(plan, cameras, masks, settings)
         assert fit.thickness.shape == fit.opacity.shape and np.isfinite(fit.thickness).all()
         width = fit.opacity.shape[1]
-        counts = np.array([len(np.unique(row)) for row in fit.opacity])  # no two kernels learn the very same
+        learnt = fit.opacity + 1j * fit.thickness  # no two kernels learn the very same of both
+        counts = np.array([len(np.unique(row)) for row in learnt])
         assert counts.min() < counts.max() <= width
         assert np.corrcoef(counts, plan.lengths)[0, 1] > 0.95
-        changes = [np.diff(table, axis=1) != 0.0 for table in (fit.opacity, fit.thickness)]
-        assert np.array_equal(*changes)
+        for row in learnt:
+            runs = np.diff(np.flatnonzero(np.concatenate([[True], np.diff(row) != 0.0, [True]])))
+            assert runs.max() - runs.min() <= 1  # each repeats as often as the others
 
     def test_rows_of_kernels_are_stretched_to_the_widest(self) -> None:
         counts = np.array([4, 2, 1, 3])
@@ -178,13 +184,56 @@ class TestFit:
             assert np.array_equal(fit.vertices[plan.edges[:, side]], fit.control_points[:, corner])
         assert fit.confidence.shape == (24,) and ((fit.confidence > 0.0) & (fit.confidence <= 1.0)).all()
 
-    def test_smaller_pictures(self, scene: tuple) -> None:
+    @pytest.mark.parametrize(("image_loss", "share"), [("sum", 0.25), ("mean", 1.0)])
+    def test_smaller_pictures(self, image_loss: str, share: float, scene: tuple) -> None:
         plan, _, cameras, masks = scene
         losses = [
-            fit_splats(plan, cameras, masks, preset("paper", image_scale=scale, **QUICK)).loss[0]
+            fit_splats(plan, cameras, masks, preset("paper", image_scale=scale, image_loss=image_loss, **QUICK)).loss[0]
             for scale in (1.0, 0.5)
         ]
-        assert losses[1] == pytest.approx(losses[0] / 4.0, rel=0.25)  # a quarter of the pixels
+        assert losses[1] == pytest.approx(share * losses[0], rel=0.25)  # of a quarter of the pixels
+
+    def test_the_image_loss_is_a_sum_or_a_mean_of_the_same(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        wide = [one.resized(96, 72) for one in cameras]  # all of one size, so that the two differ by a factor alone
+        seen = pictures(bent(plan), wide)
+        first = {
+            name: fit_splats(plan, wide, seen, preset("paper", image_loss=name, bending_weight=0.0, **QUICK)).loss[0]
+            for name in ("sum", "mean")
+        }
+        assert first["sum"] == pytest.approx(96 * 72 * first["mean"], rel=1e-5)
+
+    @pytest.mark.parametrize("decay", ["cosine", "geometric"])
+    def test_rates_fall_from_the_first_to_the_last(self, decay: str) -> None:
+        settings = preset("paper", iterations=11, learning_rate=4e-3, learning_rate_end=1e-3, decay=decay)
+        rates = [rate_at(settings, i) for i in range(11)]
+        middle = {"cosine": (4e-3 + 1e-3) / 2, "geometric": math.sqrt(4e-3 * 1e-3)}[decay]
+        assert (rates[0], rates[5], rates[10]) == pytest.approx((5 * 4e-3, 5 * middle, 5 * 1e-3))
+        assert all(one > other for one, other in itertools.pairwise(rates))
+
+    def test_the_scale_multiplies_the_rates(self, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        rates = {"learning_rate": 1e-3, "learning_rate_end": 2e-4}
+        scaled = preset("paper", **rates, learning_rate_scale=4.0, **QUICK)
+        given = preset("paper", learning_rate=4e-3, learning_rate_end=8e-4, learning_rate_scale=1.0, **QUICK)
+        one, other = (fit_splats(plan, cameras, masks, settings) for settings in (scaled, given))
+        assert np.array_equal(one.control_points, other.control_points)
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [("encoding", "with_pi"), ("learning_rate_scale", 1.0), ("initial_weights", "he"), ("image_loss", "sum")],
+    )
+    def test_each_choice_counts_and_starts_at_the_plan(self, name: str, value: object, scene: tuple) -> None:
+        plan, _, cameras, masks = scene
+        fits, starts = [], []
+        for changes in ({}, {name: value}):
+            seen: list[Progress] = []
+            settings = preset("paper", **{**QUICK, "bending_weight": 1e-3}, **changes)
+            fits.append(fit_splats(plan, cameras, masks, settings, seen.append))
+            starts.append(seen[0].control_points)
+        for curves in starts:
+            np.testing.assert_allclose(curves, plan.control_points, atol=1e-12)
+        assert not np.array_equal(fits[0].control_points, fits[1].control_points)
 
 
 class TestRepeatability:
@@ -272,8 +321,14 @@ class TestSettings:
         assert settings == FitSettings()
         assert (settings.iterations, settings.samples, settings.kernels_per_strut) == (150, 50, 20)
         assert (settings.learning_rate, settings.learning_rate_end) == (1.6e-4, 1.6e-5)
+        assert (settings.encoding, settings.learning_rate_scale) == ("without_pi", 5.0)
+        assert (settings.initial_weights, settings.image_loss) == ("torch", "mean")
         assert (settings.bending_weight, settings.bending_power) == (1e-7, 2.0)
         assert (settings.image_scale, settings.field, settings.spread) == (1.0, "network", 1.0)
+
+    def test_the_letter_differs_by_four_choices(self) -> None:
+        letter = {"encoding": "with_pi", "learning_rate_scale": 1.0, "initial_weights": "he", "image_loss": "sum"}
+        assert preset("paper-letter") == FitSettings(preset="paper-letter", **letter)
 
     @pytest.mark.parametrize("name", PRESETS)
     def test_presets_carry_their_name(self, name: str) -> None:
@@ -297,10 +352,14 @@ class TestSettings:
             ("learning_rate_end", 1.0),
             ("opacity_start", 1.0),
             ("bending_weight", -1e-7),
-            ("bending_power", 0.0),
+            ("bending_power", -0.1),
             ("bending_samples", 0),
             ("field", "wavelet"),
             ("decay", "sudden"),
+            ("encoding", "letter"),
+            ("initial_weights", "zero"),
+            ("image_loss", "median"),
+            ("learning_rate_scale", 0.0),
             ("learn_opacity", 1),
             ("lattice_cells", ()),
             ("lattice_cells", 6),

@@ -23,7 +23,8 @@ from .recolour import recolour_active, recolour_afresh, restyle_active
 
 PRESETS = (
     ("fast", "Fast", "Blurred rods and second-order steps: seconds on a laptop, the most accurate"),
-    ("paper", "Paper", "The paper's method to the letter: a neural network, minutes"),
+    ("paper", "Paper", "The paper's method: a neural network, minutes"),
+    ("paper-letter", "Paper, to the letter", "The same by the letter of its text, which ends further off"),
     ("paper-lattice", "Paper, lattice", "The paper's kernels with a spline lattice in place of the network"),
     ("curve-driven", "Curve-driven", "Free control points, for comparison"),
     ("deformation-driven", "Deformation-driven", "Sparse control nodes, for comparison"),

@@ -97,7 +97,8 @@ def fit(
     capture : path, Capture or Simulation
         The plan, the cameras and the pictures.
     preset : str
-        ``"fast"``, or to compare with: ``"paper"``, ``"paper-lattice"``, ``"curve-driven"``, ``"deformation-driven"``.
+        ``"fast"``, or to compare with: ``"paper"``, ``"paper-letter"``, ``"paper-lattice"``, ``"curve-driven"``,
+        ``"deformation-driven"``.
     seed : int
         Of whatever the preset draws at random; ``"fast"`` draws nothing.
     changes : mapping, optional

@@ -31,7 +31,7 @@ CAMERAS = ("auto", "exact")
 HOLDS = ("auto", "feet", "cameras")
 """As `frametwin.fitting.fast_settings`."""
 
-PRESETS = ("fast", "paper", "paper-lattice", "curve-driven", "deformation-driven")
+PRESETS = ("fast", "paper", "paper-letter", "paper-lattice", "curve-driven", "deformation-driven")
 """As `frametwin.fitting.api.PRESETS`, which takes seconds to import."""
 
 MASKS = ("auto", "paper")
@@ -47,7 +47,8 @@ MASKS = ("auto", "paper")
     default="fast",
     show_default=True,
     help="fast: seconds, and the most accurate; paper: the published method, minutes to hours;"
-    " paper-lattice: the same with a lattice in place of the network; curve-driven and deformation-driven:"
+    " paper-letter: the same by the letter of its text;"
+    " paper-lattice: paper with a lattice in place of the network; curve-driven and deformation-driven:"
     " what the paper compares with.",
 )
 @click.option(

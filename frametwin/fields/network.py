@@ -2,7 +2,11 @@
 
 Positions are shifted and scaled evenly so that the longest side of the box becomes -1..1, and written as
 
-    [x, sin(pi x), cos(pi x), ..., sin(2^(L-1) pi x), cos(2^(L-1) pi x)],    3 + 6 L numbers (63 for L = 10).
+    [x, sin(w x), cos(w x), ..., sin(2^(L-1) w x), cos(2^(L-1) w x)],    3 + 6 L numbers (63 for L = 10),
+
+with w = 1 as in the published code that the network resembles, or w = pi as in the paper's text (see
+`frametwin.fields.network_options`). With pi the shortest wave of a frame of 200 mm is 0.4 mm long, far below the
+distance of its struts.
 
 Eight layers of 256 with ReLU follow; the fifth sees the encoding once more beside the 256 numbers of the
 fourth, so it has 256 + 63 = 319 inputs. (The paper writes 349, which is the width of a public code base whose
@@ -16,7 +20,8 @@ known in closed form, is pushed through the layers' matrices and the ReLU masks 
 
 References
 ----------
-FrameTwin paper, section V.C. B. Mildenhall et al., "NeRF", 2021 (encoding).
+FrameTwin paper, section V.C. B. Mildenhall et al., "NeRF", 2021 (encoding). Z. Yang et al., "Deformable 3D
+Gaussians", CVPR 2024 (the code whose network has the paper's width).
 """
 
 from __future__ import annotations
@@ -33,6 +38,7 @@ from torch.nn import functional
 from torch.nn.utils import skip_init
 
 from frametwin.fields.base import checked_box
+from frametwin.fields.network_options import ENCODINGS, INITIAL_WEIGHTS
 from frametwin.fields.torch_field import TorchField
 
 
@@ -71,19 +77,37 @@ class NetworkField(TorchField):
     box : (2, 3) mm, the computational domain.
     shape : size of the network.
     seed : of the hidden layers' first weights.
+    encoding : one of `ENCODINGS`.
+    initial_weights : one of `INITIAL_WEIGHTS`.
+
+    Raises
+    ------
+    ValueError
+        If the encoding or the way to start is unknown.
 
     Notes
     -----
-    Hidden weights start uniform with the variance 2 / inputs (He et al., 2015), which keeps the signal's size
-    through the layers, hidden biases at zero.
+    Hidden weights start uniform: as torch's default, within 1 / sqrt(inputs), and the biases too; or with the
+    variance 2 / inputs (He et al., 2015), which keeps the signal's size through the layers, and biases of zero.
     """
 
     kind = "network"
     middle: Tensor
     half_side: Tensor
 
-    def __init__(self, box: ArrayLike, shape: NetworkShape | None = None, seed: int = 0) -> None:
+    def __init__(
+        self,
+        box: ArrayLike,
+        shape: NetworkShape | None = None,
+        seed: int = 0,
+        *,
+        encoding: str = "without_pi",
+        initial_weights: str = "torch",
+    ) -> None:
         super().__init__()
+        if encoding not in ENCODINGS or initial_weights not in INITIAL_WEIGHTS:
+            raise ValueError(f"{encoding!r} is no encoding, or {initial_weights!r} no way to start")
+        self.encoding = encoding
         corners = checked_box(box)
         self.shape = shape or NetworkShape()
         inputs = [self.shape.encoded] + [self.shape.width] * (self.shape.layers - 1)
@@ -93,14 +117,17 @@ class NetworkField(TorchField):
         self.output = skip_init(nn.Linear, self.shape.width, 3)
         self.register_buffer("middle", torch.from_numpy(corners.mean(axis=0)).float())
         self.register_buffer("half_side", torch.tensor(0.5 * float(np.ptp(corners, axis=0).max())))
-        self._start(torch.Generator().manual_seed(seed))
+        self._start(torch.Generator().manual_seed(seed), initial_weights)
 
-    def _start(self, generator: torch.Generator) -> None:
+    def _start(self, generator: torch.Generator, initial_weights: str) -> None:
         with torch.no_grad():
             for layer in self._layers():
-                bound = math.sqrt(6.0 / layer.in_features)
+                bound = math.sqrt((6.0 if initial_weights == "he" else 1.0) / layer.in_features)
                 layer.weight.uniform_(-bound, bound, generator=generator)
-                layer.bias.zero_()
+                if initial_weights == "he":
+                    layer.bias.zero_()
+                else:
+                    layer.bias.uniform_(-bound, bound, generator=generator)
             self.output.weight.zero_()
             self.output.bias.zero_()
 
@@ -133,14 +160,16 @@ class NetworkField(TorchField):
         return functional.linear(carried, self.output.weight) / self.half_side
 
     def metadata(self) -> dict[str, str]:
-        """The size of the network."""
-        return {name: str(getattr(self.shape, name)) for name in ("octaves", "layers", "width", "skip")}
+        """The size of the network, and its encoding."""
+        sizes = {name: str(getattr(self.shape, name)) for name in ("octaves", "layers", "width", "skip")}
+        return {**sizes, "encoding": self.encoding}
 
     @classmethod
     def restore(cls, tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> NetworkField:
         """Build the field from `tensors` and `metadata`."""
         shape = NetworkShape(**{name: int(metadata[name]) for name in ("octaves", "layers", "width", "skip")})
-        field = cls(np.array([[-1.0] * 3, [1.0] * 3]), shape)
+        encoding = metadata.get("encoding", "with_pi")  # files from before there was a choice do not tell
+        field = cls(np.array([[-1.0] * 3, [1.0] * 3]), shape, encoding=encoding)
         state = {name: torch.from_numpy(np.array(value)) for name, value in tensors.items()}
         if any(value.dtype == torch.float64 for value in state.values()):
             field = field.double()
@@ -153,7 +182,7 @@ class NetworkField(TorchField):
 
     def _phases(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Frequencies (L,) and phases (N, L, 3)."""
-        frequencies = math.pi * 2.0 ** torch.arange(self.shape.octaves, dtype=x.dtype)
+        frequencies = ENCODINGS[self.encoding] * 2.0 ** torch.arange(self.shape.octaves, dtype=x.dtype)
         return frequencies, x[:, None, :] * frequencies[:, None]
 
     def _encode(self, x: Tensor) -> Tensor:

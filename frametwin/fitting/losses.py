@@ -20,25 +20,31 @@ from frametwin.geometry import bezier
 Floats = NDArray[np.float64]
 
 
-def image_loss(images: Sequence[Tensor], targets: Sequence[Tensor]) -> Tensor:
-    """Sum over views and pixels of the absolute difference (paper, Eq. 9).
+def image_loss(images: Sequence[Tensor], targets: Sequence[Tensor], *, reduction: str = "sum") -> Tensor:
+    """Sum over views of the absolute difference (paper, Eq. 9).
 
     Parameters
     ----------
     images, targets : as many pictures (H, W), or flat vectors, of equal sizes in pairs.
+    reduction : over the pixels of each view, "sum" or "mean". The paper writes a sum; the code of 3D Gaussian
+        splatting, on which it builds, takes the mean; beside a sum over millions of pixels the paper's weight of the
+        bending term is without effect.
 
     Returns
     -------
-    A scalar, in grey values times pixels.
+    A scalar, in grey values, for the sum times pixels.
 
     Raises
     ------
     ValueError
-        If the numbers or the sizes of the pictures do not agree.
+        If the numbers or the sizes of the pictures do not agree, or the reduction is unknown.
     """
+    if reduction not in ("sum", "mean"):
+        raise ValueError(f"{reduction!r} is neither 'sum' nor 'mean'")
     if len(images) != len(targets) or any(a.shape != b.shape for a, b in zip(images, targets, strict=False)):
         raise ValueError("pictures and targets must agree in number and size")
-    return torch.stack([(a - b).abs().sum() for a, b in zip(images, targets, strict=True)]).sum()
+    differences = [(a - b).abs() for a, b in zip(images, targets, strict=True)]
+    return torch.stack([one.mean() if reduction == "mean" else one.sum() for one in differences]).sum()
 
 
 class BendingLoss:
@@ -54,14 +60,14 @@ class BendingLoss:
     ----------
     box : (2, 3) mm, the computational domain.
     control_points : (E, 4, 3) mm, the plan of the printed struts.
-    power : p, above 0; 2 in the paper.
+    power : p, at least 0; 2 in the paper. With 0 every point counts alike.
     samples : points drawn at each call.
     seed : of the generator.
 
     Raises
     ------
     ValueError
-        If the box has no volume, there is no strut, or the power or the number of samples is not positive.
+        If the box has no volume, there is no strut, the power is negative, or there are no samples.
     """
 
     def __init__(
@@ -76,8 +82,8 @@ class BendingLoss:
         from scipy.spatial import cKDTree
 
         curves = np.asarray(control_points, dtype=np.float64)
-        if curves.ndim != 3 or not len(curves) or not power > 0.0 or samples < 1:
-            raise ValueError("the bending term needs a strut, a positive power and at least one sample")
+        if curves.ndim != 3 or not len(curves) or not power >= 0.0 or samples < 1:
+            raise ValueError("the bending term needs a strut, a power of 0 or more and at least one sample")
         self._box = checked_box(box)
         self._power, self._samples = power, samples
         self._rng = np.random.default_rng(seed)

@@ -8,7 +8,9 @@ What the paper leaves open is decided as follows.
 
 - The field works in coordinates that map the longest side of the computational domain to -1..1, evenly along
   all axes, and its output is in the same unit. The bending integral is taken in these coordinates too, so its
-  weight means the same for frames of all sizes; the image loss is the plain sum over pixels.
+  weight means the same for frames of all sizes.
+- Encoding, rates, first weights and image loss are read as in the code that the paper's network (Deformable 3D
+  Gaussians) and loss (3D Gaussian splatting) resemble; `frametwin.fitting.settings.PAPER_LETTER` has the text's.
 - Thickness is learnt as a logarithm and opacity as a logit with the rates of the 3D Gaussian splatting code
   that the paper builds on; thickness starts where the blended kernels look as wide as the planned strut.
 - The learning rate is "gradually reduced" with a minimum: half a cosine, as torch's annealing with a minimum
@@ -137,7 +139,7 @@ def _resized(cameras: Sequence[Camera], masks: Sequence[np.ndarray], scale: floa
 
 def _rate(settings: FitSettings, iteration: int) -> float:
     """The field's learning rate, which falls from the first to the last step."""
-    first, last = settings.learning_rate, settings.learning_rate_end
+    first, last = (settings.learning_rate_scale * rate for rate in (settings.learning_rate, settings.learning_rate_end))
     share = iteration / max(settings.iterations - 1, 1)
     if settings.decay == "cosine":
         return last + 0.5 * (first - last) * (1.0 + math.cos(math.pi * share))

@@ -81,7 +81,8 @@ class SplatModel:
     def groups(self) -> list[dict]:
         """Parameters and their learning rates, as torch's optimisers take them; the field's come first."""
         settings = self.settings
-        groups = [{"params": list(self.field.parameters()), "lr": settings.learning_rate}]
+        rate = settings.learning_rate_scale * settings.learning_rate
+        groups = [{"params": list(self.field.parameters()), "lr": rate}]
         if settings.learn_thickness:
             groups.append({"params": [self.log_thickness], "lr": settings.thickness_rate})
         if settings.learn_opacity:
@@ -99,13 +100,20 @@ class SplatModel:
         projected = project_anchored(kernels, self.log_thickness.exp(), self.views)
         opacity = torch.sigmoid(self.logit_opacity)
         means, conics, opacity = low_pass(projected, opacity, variance=settings.pixel_variance)
-        loss = image_loss([splat_flat(means, conics, opacity, self.views.sizes)], [self.target])
+        seen = splat_flat(means, conics, opacity, self.views.sizes)
+        loss = image_loss(self._by_view(seen), self._by_view(self.target), reduction=settings.image_loss)
         if settings.bending_weight > 0.0:
             # From mm to units of the scale: gamma has the power p, the volume 3, the Laplacian squared -2.
             unit = self.scale ** -(settings.bending_power + 1.0)
             bend = self.bending(self.field.laplacian_of, self.field.dtype)
             loss = loss + settings.bending_weight * unit * bend
         return loss
+
+    def _by_view(self, pixels: Tensor) -> list[Tensor]:
+        """The pixels of each view; of all views at once where they only have to be added."""
+        if self.settings.image_loss == "sum":
+            return [pixels]
+        return list(pixels.split([height * width for height, width in self.views.sizes]))
 
     def opacity(self) -> Floats:
         """(E, K) array, 0..1: opacity along the struts."""
@@ -147,7 +155,9 @@ def to_array(values: Tensor) -> Floats:
 def _start_field(box: Floats, scale: float, sampling: CurveSampling, settings: FitSettings) -> TorchField:
     """A field without displacement of the wanted kind."""
     if settings.field == "network":
-        return NetworkField(box, seed=settings.seed)
+        return NetworkField(
+            box, seed=settings.seed, encoding=settings.encoding, initial_weights=settings.initial_weights
+        )
     if settings.field == "lattice":
         lattice = LatticeField.zeros(box, [even_cells(box, cells) for cells in settings.lattice_cells])
         return TrainableLattice(lattice, scale)
