@@ -15,7 +15,7 @@ import pytest
 
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, read_capture, write_capture
-from frametwin.dataset.export import arrays_of
+from frametwin.dataset.exports.sample_folders import arrays_of
 from frametwin.dataset.sample_view import _camera
 from frametwin.errors import InputError
 from frametwin.formats import find_frame
