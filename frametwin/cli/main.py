@@ -103,10 +103,11 @@ def cli() -> None:
     Your own pictures: frametwin fit CAPTURE --out RUN
     No pictures yet:   frametwin simulate FRAME --out CAPTURE
 
-    A FRAME is the plan: frame.json, an OBJ with lines, a mesh, an assembly JSON, a pair of Node/Edge text
-    files, or one of the built-in frames bridge, half_bowl and lattice_tower. A CAPTURE is a folder with the
-    plan (frame.json), the cameras (transforms.json) and the pictures (images/). A RUN is the folder that a
-    fit writes: the digital twin (twin.json) and the field of its deformation. Lengths are in mm.
+    A FRAME is the plan: frame.json, an OBJ with lines, a DXF drawing, a Rhino model, a mesh, the JSON of an
+    assembly or of COMPAS, a pair of Node/Edge text files, or one of the built-in frames bridge, half_bowl and
+    lattice_tower. A CAPTURE is a folder with the plan (frame.json), the cameras (transforms.json, or a COLMAP
+    model) and the pictures (images/). A RUN is the folder that a fit writes: the digital twin (twin.json) and
+    the field of its deformation. Lengths are in mm.
 
     \b
     Exit codes (from 1 to 3, one sentence on standard error says what is wrong and what to do):
