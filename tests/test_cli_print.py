@@ -171,6 +171,23 @@ def test_a_held_job_says_how_to_go_on(frame: Path, tmp_path: Path) -> None:
     assert "accepted old-capture" in done("print", "status", job).stdout
 
 
+def test_a_page_is_kept_beside_the_job(frame: Path, tmp_path: Path) -> None:
+    job, real = tmp_path / "job", LeaningPrint(tower())
+    plan(frame, job)
+    for batch, more in enumerate(((), ("--no-report",), ())):
+        capture = real.take(tmp_path / str(batch), print_batch(PrintJob(job), real))
+        before = (job / "report.html").read_bytes() if batch else b""
+        if batch == 2:  # what stands in the way of the page does not stand in the way of the print
+            (job / "report.html").unlink()
+            (job / "report.html").mkdir()
+        result = run("print", "next", job, "--capture", capture, *more)
+        assert result.exit_code == 0 and PrintJob(job).answered == batch + 1
+        if batch == 2:
+            assert "The page was not written: " in result.stderr and "Traceback" not in result.stderr
+        else:
+            assert ((job / "report.html").read_bytes() == before) == (batch == 1)
+
+
 def test_the_watch_ends_with_the_print(frame: Path, tmp_path: Path) -> None:
     job, captures, real = tmp_path / "job", tmp_path / "captures", LeaningPrint(tower())
     plan(frame, job)

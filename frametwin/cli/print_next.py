@@ -10,6 +10,7 @@ import click
 from frametwin.cli.calibrate_common import Place
 from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option
 from frametwin.cli.display import Display
+from frametwin.cli.job_page import page_option, write_page
 from frametwin.cli.print_common import accept_option
 from frametwin.errors import InputError
 from frametwin.wording import shortened
@@ -38,11 +39,19 @@ def reprint_option(function: Any) -> Any:
 )
 @accept_option
 @reprint_option
+@page_option
 @click.option("--cold", is_flag=True, help="Start the fit afresh and not from the last twin; slower, for comparison.")
 @quiet_option
 @json_option
 def next_command(
-    job: Path, capture: Path, accept: tuple[str, ...], reprint: bool | None, cold: bool, quiet: bool, as_json: bool
+    job: Path,
+    capture: Path,
+    accept: tuple[str, ...],
+    reprint: bool | None,
+    page: bool,
+    cold: bool,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
     """Find the twin of the batch that was printed last, move what is still to come, write the next batch's waypoints.
 
@@ -74,6 +83,9 @@ def next_command(
         print_json({"job": job, **answer_summary(work, report)})
     else:
         print_facts(f"batch {report['batch']} of {job}", answer_facts(work, report))
+    if page:
+        with Display(quiet) as display:
+            write_page(job, display)
 
 
 @click.command("watch", short_help="Answer each new capture folder as it appears, until the print is finished.")
@@ -81,6 +93,7 @@ def next_command(
 @click.argument("captures", type=FOLDER)
 @accept_option
 @reprint_option
+@page_option
 @click.option(
     "--rig", type=FOLDER, help="Folders of CAPTURES hold raw pictures, named after the cameras of this calibrated rig."
 )
@@ -98,6 +111,7 @@ def watch_command(
     captures: Path,
     accept: tuple[str, ...],
     reprint: bool | None,
+    page: bool,
     rig: Path | None,
     base: tuple[float, ...] | None,
     background: Path | None,
@@ -129,8 +143,10 @@ def watch_command(
     work = PrintJob(job)
     options = AnswerOptions(accept=frozenset(accept), reprint=reprint)
     say = (lambda sentence: None) if quiet else (lambda sentence: click.echo(sentence, err=True))
+    answered = (lambda report: write_page(job)) if page else (lambda report: None)
     with Display(quiet=True) as display:
-        reports = Watch(work, captures, options, say=say, progress=display, poll=every, raw=raw).run()
+        look = Watch(work, captures, options, say=say, progress=display, poll=every, answered=answered, raw=raw)
+        reports = look.run()
     if as_json:
         print_json({"job": job, "answered": [answer_summary(work, report) for report in reports]})
         return

@@ -21,6 +21,7 @@ from frametwin.cli.common import (
     size_option,
 )
 from frametwin.cli.display import Display
+from frametwin.cli.job_page import page_option, write_page
 from frametwin.cli.print_common import NOZZLE, accept_option, loop_options, order_options, split_nozzle
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ PICTURE = "print.png"
 @click.option("--sag", type=Positive(0.99), help="How far the print sags, as a share of its extent.  [default: usual]")
 @click.option("--fit", is_flag=True, help="Find twins also without adaptation, to look at.")
 @accept_option
+@page_option
 @order_options
 @overwrite_option("JOB")
 @quiet_option
@@ -88,6 +90,7 @@ class SimulateOptions:
     sag: float | None
     fit: bool
     accept: tuple[str, ...]
+    page: bool
     order: Path | None
     batch_size: int | None
     max_tilt_deg: float
@@ -137,7 +140,9 @@ def _simulate(options: SimulateOptions) -> None:
             renderer=blender_renderer(),
             progress=display,
         )
-    draw_print(options.out / PICTURE, simulated)
+        draw_print(options.out / PICTURE, simulated)
+        if options.page:
+            write_page(options.out, display)
     if options.as_json:
         print_json({"out": options.out, **simulated.as_dict()})
     else:

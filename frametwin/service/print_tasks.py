@@ -15,6 +15,7 @@ from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.job.summaries import answer_summary, plan_summary, status_summary
 from frametwin.printing.simulation.simulate import SimulationOptions, draw_print, simulate_print
 from frametwin.progress import ProgressCallback
+from frametwin.report.beside_job import write_job_page
 from frametwin.service.tasks import frame_of
 
 PICTURE = "print.png"
@@ -59,7 +60,7 @@ def answer(
     reprint: bool | None = None,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
-    """Answer the batch that was printed last.
+    """Answer the batch that was printed last, and write the page beside the job.
 
     Parameters
     ----------
@@ -77,6 +78,7 @@ def answer(
     options = AnswerOptions(accept=frozenset(accept or ()), reprint=reprint)
     work = PrintJob(job)
     report = work.answer(capture, options, progress)
+    write_job_page(work.folder, progress)
     return {"job": job, **answer_summary(work, report)}
 
 
@@ -135,6 +137,7 @@ def simulate(
             progress=progress,
         )
         draw_print(folder / PICTURE, simulated)
+        write_job_page(Path(folder), progress)
     if simulated.held is not None:
         simulated.held.rename(str(folder), str(out))  # of the folder that stood in for it
     return {"out": out, **simulated.as_dict()}

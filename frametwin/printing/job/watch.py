@@ -41,6 +41,8 @@ class Watch:
         See `ProgressCallback`; called at every look, and able to stop the watch.
     poll
         Seconds between looks.
+    answered
+        Told of each batch that was answered, by its report.
     raw
         Where folders hold raw pictures of a rig and are no captures yet.
     """
@@ -51,6 +53,7 @@ class Watch:
     say: Callable[[str], None] = lambda sentence: None
     progress: ProgressCallback | None = None
     poll: float = POLL
+    answered: Callable[[dict[str, Any]], None] = lambda report: None
     raw: RawPictures | None = None
 
     def __post_init__(self) -> None:
@@ -91,6 +94,7 @@ class Watch:
             answer = self._answer(found, batch)
             if answer is not None:
                 reports.append(answer)
+                self.answered(answer)
         self._tell("The print is finished: all batches have been answered.")
         return reports
 
