@@ -13,6 +13,7 @@ import pytest
 from frametwin.cameras import Camera
 from frametwin.cameras.rigs import ring_rig
 from frametwin.capture.capture import read_capture
+from frametwin.errors import InputError
 from frametwin.fitting import photo_fit
 from frametwin.fitting.camera_corrections import as_found, as_records
 from frametwin.fitting.camera_freedoms import FREEDOMS, corrected
@@ -50,6 +51,17 @@ def test_cameras_that_nothing_is_said_of_stay() -> None:
     (first, second) = as_found(cameras, as_records(views_fit(1, "feet"), cameras[:1]))
     assert np.abs(first.camera_to_world - cameras[0].camera_to_world).max() > 1e-3
     np.testing.assert_array_equal(second.camera_to_world, cameras[1].camera_to_world)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("turn_deg", [0.0, 1.0]), ("shift_mm", "far"), ("focal_share", -2.0), ("centre_px", None)]
+)
+def test_a_correction_that_is_none_is_named(key: str, value: object) -> None:
+    cameras = some_cameras(2)
+    records = as_records(views_fit(2, "feet"), cameras)
+    records[1][key] = value
+    with pytest.raises(InputError, match=rf"twin\.json.*cameras\[1\]\.{key}"):
+        as_found(cameras, records)
 
 
 class FakeFit:

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from frametwin.arrays import checked_array
 from frametwin.cameras import Camera
+from frametwin.errors import InputError
 from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, FREEDOMS, LENS, SHIFT, TURN, corrected
 from frametwin.fitting.part_fit import ViewsFit
 
@@ -31,7 +33,9 @@ def as_records(found: ViewsFit, cameras: Sequence[Camera]) -> list[dict[str, Any
     ]
 
 
-def as_found(cameras: Sequence[Camera], records: Sequence[Mapping[str, Any]]) -> list[Camera]:
+def as_found(
+    cameras: Sequence[Camera], records: Sequence[Mapping[str, Any]], source: str = "twin.json"
+) -> list[Camera]:
     """Cameras where a fit found them, by name; those that it says nothing of stay.
 
     Parameters
@@ -40,12 +44,30 @@ def as_found(cameras: Sequence[Camera], records: Sequence[Mapping[str, Any]]) ->
         Without lens distortion. What was found of the lens itself is left out: a pinhole camera has none.
     records
         A twin's ``cameras``.
+    source
+        Where they stand; only named in messages.
+
+    Raises
+    ------
+    InputError
+        If a correction is not one.
     """
-    by_name = {record["name"]: record for record in records}
+    by_name = {record.get("name"): (f"cameras[{i}]", record) for i, record in enumerate(records)}
     freedoms = np.zeros((len(cameras), FREEDOMS))
     for own, camera in zip(freedoms, cameras, strict=True):
-        record = by_name.get(camera.name)
-        if record is not None:
-            own[TURN], own[SHIFT] = np.deg2rad(record["turn_deg"]), record["shift_mm"]
-            own[FOCAL], own[CENTRE] = np.log1p(record["focal_share"]), record["centre_px"]
+        if camera.name in by_name:
+            own[:LENS] = _freedoms(*by_name[camera.name], source)
     return corrected(cameras, freedoms)
+
+
+def _freedoms(place: str, record: Mapping[str, Any], source: str) -> np.ndarray:
+    """(9,) freedoms of a camera but for its lens."""
+    result = np.zeros(LENS)
+    for key, part, shape in (("turn_deg", TURN, (3,)), ("shift_mm", SHIFT, (3,)), ("centre_px", CENTRE, (2,))):
+        result[part] = checked_array(record.get(key), "f", shape, source, f"{place}.{key}")
+    result[TURN] = np.deg2rad(result[TURN])
+    share = float(checked_array(record.get("focal_share"), "f", (), source, f"{place}.focal_share"))
+    if not share > -1.0:
+        raise InputError.at(source, f"{place}.focal_share", f"{share:g} is no change of a focal length", "fit again")
+    result[FOCAL] = np.log1p(share)
+    return result

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from frametwin.capture.capture import Capture
 from frametwin.evaluation.evaluate import Errors, evaluate
+from frametwin.fitting.camera_corrections import as_found
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 from frametwin.report.pictures import crop_content, read_views, view_content
@@ -80,6 +82,8 @@ def add_pictures(
         See `ProgressCallback`.
     """
     views = read_views(capture, progress)
+    found = as_found([view.camera for view in views], told["cameras"])  # so that outlines lie where the fit saw them
+    views = [replace(view, camera=camera) for view, camera in zip(views, found, strict=True)]
     printed = np.flatnonzero(scene.plan.printed)
     known = {view["name"]: view for view in told["views"] if isinstance(view.get("name"), str)}
     pictures = view_content(views, scene.curves[printed], width)
