@@ -18,7 +18,14 @@ from frametwin.geometry.wireframe import Wireframe
 
 from .folders import given_folder
 from .steps import FileStep, Panel, Step, needs, plan_of, print_of, rig_of, settings_of, write_text
-from .views import look_through_camera, see, show_picture_beside
+from .views import (
+    change_picture,
+    close_picture,
+    look_through_camera,
+    picture_editor,
+    see,
+    show_picture_beside,
+)
 
 
 def wanted_cameras(context: bpy.types.Context) -> tuple[tuple[Camera, ...], Wireframe]:
@@ -103,9 +110,19 @@ class FRAMETWIN_OT_step_camera(_RigStep, bpy.types.Operator):
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
 
     def act(self, context: bpy.types.Context) -> str:
-        camera = next_camera(rig_of(context), self.step, context.scene)
+        rig = rig_of(context)
+        editor = picture_editor(context, pictures_of(rig))
+        camera = next_camera(rig, self.step, context.scene)
         look_through_camera(context)
+        if editor is not None:
+            change_picture(context, editor, next(iter(pictures_of(rig, camera)), None))
         return camera.name
+
+
+def pictures_of(rig: bpy.types.Collection, camera: bpy.types.Object | None = None) -> list[bpy.types.Image]:
+    """The pictures that the rig's cameras have, or one of them."""
+    cameras = [obj for obj in rig.all_objects if obj.type == "CAMERA"] if camera is None else [camera]
+    return [shown.image for obj in cameras for shown in obj.data.background_images if shown.image is not None]
 
 
 class FRAMETWIN_OT_show_pictures(_RigStep, bpy.types.Operator):
@@ -136,7 +153,7 @@ class FRAMETWIN_OT_hide_pictures(_RigStep, bpy.types.Operator):
 
 
 class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
-    """Show the picture of the present camera in an image editor beside the 3D view"""
+    """Show the picture of the present camera in an image editor beside the 3D view; once more closes it"""
 
     bl_idname = "frametwin.picture_beside"
     bl_label = "Side by Side"
@@ -146,6 +163,10 @@ class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
         settings, scene = settings_of(context), context.scene
         capture = given_folder(settings.fit.capture, "Capture")
         rig = rig_of(context)
+        editor = picture_editor(context, pictures_of(rig))
+        if editor is not None:
+            close_picture(context, editor)
+            return "The picture is closed"
         if scene.camera is None or scene.camera.name not in rig.all_objects:
             next_camera(rig, 1, scene)
         show_pictures(rig, capture, opacity=settings.cameras.opacity, front=settings.cameras.front)
@@ -199,7 +220,8 @@ class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
         if settings_of(context).fit.capture:
             row = layout.row(align=True)
             row.operator("frametwin.show_pictures", icon="IMAGE_BACKGROUND")
-            row.operator("frametwin.picture_beside")
+            beside = picture_editor(context, pictures_of(rig)) is not None
+            row.operator("frametwin.picture_beside", depress=beside)
             row.operator("frametwin.hide_pictures", text="", icon="X")
             layout.prop(wanted, "opacity")
             layout.prop(wanted, "front")

@@ -13,7 +13,7 @@ from . import session
 from .computing import environment_folder, forget, preferences_of, set_up_python
 from .steps import Step, needs, write_text
 
-COST = "about 350 MB to load, 1.4 GB on the disk, three minutes"
+COST = "about 400 MB to load, 1.6 GB on the disk, three minutes"
 LOG = "FrameTwin Set Up"
 INDEX = Installation.__dataclass_fields__["torch_index"].default
 
@@ -79,7 +79,7 @@ def use_environment() -> None:
 
 
 class FRAMETWIN_OT_set_up(Step, bpy.types.Operator):
-    """Make a Python environment with PyTorch in this extension's folder, anew if there is one: about 1.3 GB"""
+    """Make a Python environment with PyTorch in this extension's folder, anew if there is one: about 1.6 GB"""
 
     bl_idname = "frametwin.set_up"
     bl_label = "Set Up"

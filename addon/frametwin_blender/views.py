@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import bpy
 import numpy as np
@@ -11,6 +11,10 @@ from frametwin.blender.views.framing import MARGIN, Room, camera_view, free_view
 
 CENTIMETRE = 0.01
 """In metres, whatever a unit of the scene is: with the usual metre, lines would lie beyond what is seen of a frame."""
+
+
+_made: set[int] = set()
+"""Addresses of the editors that were made here."""
 
 
 def views_of(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Area, bpy.types.Region]]:
@@ -84,11 +88,46 @@ def show_picture_beside(context: bpy.types.Context, image: bpy.types.Image) -> b
             bpy.ops.screen.area_split(direction="VERTICAL", factor=share)
         editor = next(iter(set(screen.areas) - before))
         editor.type = "IMAGE_EDITOR"
+        _made.add(editor.as_pointer())
         width = abs(editor.x - area.x)
     look_through_camera(context, width)
+    _show_in(context, editor, image)
+    return True
+
+
+def picture_editor(context: bpy.types.Context, pictures: Iterable[bpy.types.Image]) -> bpy.types.Area | None:
+    """The image editor that shows one of some pictures; ``None`` if there is none."""
+    names = {image.name for image in pictures if image is not None}
+    for area in context.window.screen.areas if context.window is not None else ():
+        if area.type == "IMAGE_EDITOR":
+            image = area.spaces.active.image
+            if image is not None and image.name in names:
+                return area
+    return None
+
+
+def close_picture(context: bpy.types.Context, editor: bpy.types.Area) -> None:
+    """Close an image editor that `show_picture_beside` has made; one that was there before is only emptied."""
+    key = editor.as_pointer()
+    if key in _made and not bpy.app.background:  # where areas that are not laid out are joined without end
+        _made.discard(key)
+        with context.temp_override(area=editor):
+            if bpy.ops.screen.area_close.poll() and bpy.ops.screen.area_close() == {"FINISHED"}:
+                return
+    editor.spaces.active.image = None
+
+
+def change_picture(context: bpy.types.Context, editor: bpy.types.Area, image: bpy.types.Image | None) -> None:
+    """Let an image editor show another picture."""
+    if image is None:
+        editor.spaces.active.image = None
+    else:
+        _show_in(context, editor, image)
+
+
+def _show_in(context: bpy.types.Context, editor: bpy.types.Area, image: bpy.types.Image) -> None:
     editor.spaces.active.image = image
     region = next(region for region in editor.regions if region.type == "WINDOW")
     with context.temp_override(area=editor, region=region):
         if bpy.ops.image.view_all.poll():
             bpy.ops.image.view_all(fit_view=True)
-    return True

@@ -227,7 +227,7 @@ _CAUSES = (
         r"NewConnectionError|NameResolutionError|ConnectTimeoutError|ReadTimeoutError|Max retries exceeded",
         "pip cannot reach its package index. Check the network and the proxy, and set up again.",
     ),
-    (r"No space left", "the disk is full. Free about 2 GB, and set up again."),
+    (r"No space left", "the disk is full. Free about 3 GB, and set up again."),
 )
 """What pip writes, and what that means."""
 

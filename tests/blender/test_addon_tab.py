@@ -221,6 +221,14 @@ def test_a_capture_of_ones_own(tab: Any, small_capture: Path) -> None:
     ops.picture_beside()  # there is a window also in the background: that of the start-up file
     editors = [area for area in bpy.context.window.screen.areas if area.type == "IMAGE_EDITOR"]
     assert editors[0].spaces.active.image.filepath == shown[0]
+    ops.step_camera(step=1)  # and the picture goes along
+    assert editors[0].spaces.active.image.filepath == shown[1]
+    ops.picture_beside()
+    left = [area for area in bpy.context.window.screen.areas if area.type == "IMAGE_EDITOR"]
+    assert not [area for area in left if area.spaces.active.image is not None]
+    ops.picture_beside()
+    (editor,) = [area for area in bpy.context.window.screen.areas if area.type == "IMAGE_EDITOR"]
+    assert editor.spaces.active.image.filepath == shown[1]
 
 
 def test_the_rig_is_the_librarys(tab: Any) -> None:
