@@ -73,6 +73,14 @@ class TestCases:
                 assert full.changes.items() <= quick.changes.items()
                 assert "image_scale" not in full.changes
 
+    def test_frames_that_are_not_here_are_left_out(self) -> None:
+        plan = plan_of(False)
+        some = type(plan)(False, {name: plan.frames[name] for name in OWN} | {"Coral": Path("Coral.txt")})
+        cases = cases_of(some, ("table1", "bending", "power"))
+        assert {(case.experiment, case.conditions["frame"]) for case in cases} == {
+            ("table1", "Coral"), ("bending", "Coral"),
+        }  # fmt: skip
+
     def test_only_some(self) -> None:
         assert {case.experiment for case in cases_of(plan_of(True), ("prints",))} == {"prints"}
         assert cases_of(plan_of(True), ("none",)) == []
