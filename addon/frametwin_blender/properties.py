@@ -37,6 +37,9 @@ QUANTITIES = (
     ("completeness", "Completeness", "Share of the strut that is really there"),
     ("thickness", "Thickness", "Mean radius, in mm"),
     ("confidence", "Confidence", "How well the views tell where the strut is: 0 not at all, 1 well"),
+    ("sigma", "Standard deviation", "How far the strut may be off across itself, in mm: one standard deviation"),
+    ("sigma_along", "Deviation along", "How far the strut may be off along itself, in mm: one standard deviation"),
+    ("gap", "Torn ends", "How far an end of the strut is from its joint, in mm; 0 for ends that are not torn"),
     ("error", "Error", "Mean distance from the truth, in mm, where the capture has one"),
     ("error_max", "Largest error", "Largest distance from the truth along each strut, in mm"),
 )

@@ -1,6 +1,7 @@
 """Step 6, the twin: colours, statistics, the struts to look at, export."""
 
 # No postponed annotations here: Blender reads them as properties.
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
@@ -9,10 +10,11 @@ import numpy as np
 
 from frametwin.blender.display.exports import export_twin
 from frametwin.blender.display.statistics import StrutValues, statistics_of, worst_struts
-from frametwin.blender.display.twin_records import load_values
+from frametwin.blender.display.twin_records import load_values, load_verdict
 from frametwin.blender.display.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
 from frametwin.blender.frames.plan_objects import make_active, points_of, show_struts
 from frametwin.errors import InputError
+from frametwin.twin.verdict import GOOD, Verdict
 
 from .steps import (
     Panel,
@@ -29,12 +31,15 @@ from .steps import (
 )
 from .views import see
 
+REASONS = 3
+"""Of the verdict that are shown."""
+
 AROUND = 2.5
 """How much more than a strut that is stepped to is seen, in its lengths."""
 
 
 def chosen_struts(context: bpy.types.Context, kind: str) -> np.ndarray:
-    """The struts of one kind: ``worst``, ``missing`` or ``uncertain``.
+    """The struts of one kind: ``worst``, ``missing``, ``uncertain`` or ``torn``.
 
     Raises
     ------
@@ -43,10 +48,17 @@ def chosen_struts(context: bpy.types.Context, kind: str) -> np.ndarray:
     """
     shown, view = find_twin(twin_of(context)), settings_of(context).view
     worst = worst_struts(quantity_of(shown, view.quantity).values, view.count)
-    struts = {"worst": worst, "missing": shown.missing, "uncertain": shown.uncertain}[kind]
+    found = {"worst": worst, "missing": shown.missing, "uncertain": shown.uncertain, "torn": torn_struts(shown.values)}
+    struts = found[kind]
     if not len(struts):
         raise InputError.at(shown.twin.name, "struts", f"none is {kind}", "there is nothing to look at here")
     return struts
+
+
+def torn_struts(values: Mapping[str, StrutValues]) -> np.ndarray:
+    """Struts an end of which is torn off its joint."""
+    gap = values.get("gap")
+    return np.zeros(0, dtype=np.int64) if gap is None else np.flatnonzero(np.nan_to_num(gap.values) > 0.0)
 
 
 def quantity_of(shown: TwinObjects, name: str) -> StrutValues:
@@ -75,6 +87,7 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
             ("worst", "Worst", "Those of the highest value of what the colours show"),
             ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
             ("uncertain", "Uncertain", "Those that the views cannot place"),
+            ("torn", "Torn", "Those an end of which hangs beside its joint"),
         ),
     )
 
@@ -183,15 +196,29 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             return
         row = draw_chosen(layout, settings, "twin")
         row.operator("frametwin.remove_twin", text="", icon="TRASH")
+        self._draw_verdict(layout, context, load_verdict(collection))
         self._draw_colours(layout, settings.view)
         values, missing, uncertain = load_values(collection)
         if settings.view.quantity in values:
             self._draw_statistics(layout, values[settings.view.quantity])
-        else:
+        elif settings.view.quantity.startswith("error"):
             write_text(layout, "The capture has no truth to compare with.", context, "INFO")
-        self._draw_selection(layout, settings.view, len(missing), len(uncertain))
+        else:
+            write_text(layout, "This twin does not say.", context, "INFO")
+        counts = {"missing": len(missing), "uncertain": len(uncertain), "torn": len(torn_struts(values))}
+        self._draw_selection(layout, settings.view, counts)
         self._draw_objects(layout, settings, collection)
         layout.operator("frametwin.export_twin", icon="EXPORT")
+
+    def _draw_verdict(self, layout: bpy.types.UILayout, context: bpy.types.Context, verdict: Verdict | None) -> None:
+        """Whether the twin is to be trusted, and why not: the first reasons, the rest is in its run folder."""
+        if verdict is None:
+            return
+        box = layout.box().column(align=True)
+        icon = "CHECKMARK" if verdict.status == GOOD else "ERROR"
+        box.label(text=f"Verdict: {verdict.status}", icon=icon)
+        for reason in verdict.reasons[:REASONS]:
+            write_text(box, f"{reason[:1].upper()}{reason[1:]}.", context)
 
     def _draw_colours(self, layout: bpy.types.UILayout, view: bpy.types.PropertyGroup) -> None:
         layout.prop(view, "quantity", text="")
@@ -213,7 +240,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             figure.label(text=f"{value:.3f} {found.unit}")
 
     def _draw_selection(
-        self, layout: bpy.types.UILayout, view: bpy.types.PropertyGroup, missing: int, uncertain: int
+        self, layout: bpy.types.UILayout, view: bpy.types.PropertyGroup, counts: Mapping[str, int]
     ) -> None:
         row = layout.row(align=True)
         row.operator("frametwin.step_strut", text="", icon="TRIA_LEFT").step = -1
@@ -223,7 +250,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         if view.at_words:
             layout.label(text=view.at_words)
         row = layout.row(align=True)
-        for kind, count in (("missing", missing), ("uncertain", uncertain)):
+        for kind, count in counts.items():
             sub = row.row(align=True)
             sub.enabled = count > 0
             sub.operator("frametwin.select_struts", text=f"{count} {kind}").kind = kind

@@ -12,6 +12,7 @@ import pytest
 from frametwin.blender.background.stepwise import run_steps
 from frametwin.blender.display.colours import BINS, MISSING, UNKNOWN, colour_map, colour_twin
 from frametwin.blender.display.statistics import StrutValues, statistics_of, worst_struts
+from frametwin.blender.display.twin_records import load_verdict
 from frametwin.blender.display.twins import (
     RUN_KEY,
     Colours,
@@ -29,6 +30,7 @@ from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.runs import Truth
 from frametwin.twin.twin import Twin, write_twin
+from frametwin.twin.verdict import Verdict
 
 
 def shifted(frame: Wireframe, shift: Any) -> Twin:
@@ -67,6 +69,28 @@ def test_a_run_folder_is_shown_and_removed(scene: Any, rich_frame: Wireframe, tm
     assert shown.missing.tolist() == [3] and indices(shown.twin)[3] == MISSING
     remove_twin(shown.collection)
     assert not len(bpy.data.materials) and not len(bpy.data.curves) and not len(bpy.data.collections)
+
+
+def test_what_a_fit_thinks_of_its_twin_is_shown(scene: Any, rich_frame: Wireframe) -> None:
+    plain = shifted(rich_frame, [0.0, 0.0, 1.0])
+    count = rich_frame.strut_count
+    attached, gap = np.ones((count, 2), dtype=bool), np.zeros((count, 2))
+    torn = int(np.flatnonzero(rich_frame.printed)[0])
+    attached[torn, 1], gap[torn, 1] = False, 4.5
+    verdict = Verdict("doubtful", ("the masks leave much open", f"strut {torn} is torn off"))
+    sigma = np.linspace(0.01, 0.2, count)
+    twin = plain.replace(attached=attached, gap=gap, sigma_across=sigma, sigma_along=3.0 * sigma, verdict=verdict)
+    shown = show_twin(twin, rich_frame)
+    printed = rich_frame.printed
+    np.testing.assert_allclose(shown.values["sigma"].values[printed], sigma[printed])
+    np.testing.assert_allclose(shown.values["sigma_along"].values[printed], 3.0 * sigma[printed])
+    assert np.flatnonzero(np.nan_to_num(shown.values["gap"].values)).tolist() == [torn]
+    assert load_verdict(shown.collection) == verdict
+    assert recolour_twin(shown.collection, "sigma").unit == "mm"
+    older = show_twin(plain, rich_frame)
+    assert not {"sigma", "gap"} & older.values.keys()
+    with pytest.raises(InputError, match="sigma: cannot be shown"):
+        recolour_twin(older.collection, "sigma")
 
 
 def test_a_twin_comes_whole_or_not_at_all(scene: Any, rich_frame: Wireframe) -> None:

@@ -36,7 +36,9 @@ def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> di
     """Quantities of every strut: mean (``_max``: largest) displacement between equal parameters of plan and twin, ...
 
     ``error`` and ``error_max`` are distances from points of the true strut, where it exists, to the twin's strut.
-    Struts that are not printed have no value but that they are not: nobody has seen them.
+    ``sigma`` and ``sigma_along`` are standard deviations across and along each strut, ``gap`` is how far the farther of
+    its torn ends is from its joint, 0 for none; a twin of an older version has none of the three. Struts that are not
+    printed have no value but that they are not: nobody has seen them.
     """
     moved = np.linalg.norm(bezier.evaluate(twin.control_points - frame.control_points, _U), axis=-1)  # (E, S)
     columns = {
@@ -47,6 +49,11 @@ def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> di
         "thickness": ("mm", twin.thickness.mean(axis=1)),
         "confidence": ("", twin.confidence),
     }
+    for name, known in (("sigma", twin.sigma_across), ("sigma_along", twin.sigma_along)):
+        if known is not None:
+            columns[name] = ("mm", known)
+    if twin.gap is not None:
+        columns["gap"] = ("mm", twin.gap.max(axis=1))
     if truth is not None:
         error = _errors(twin.control_points, truth)
         columns |= {"error": ("mm", error.mean(axis=1)), "error_max": ("mm", error.max(axis=1))}

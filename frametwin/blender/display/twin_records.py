@@ -12,9 +12,11 @@ import numpy as np
 from frametwin.blender.display.colours import BINS, Legend, colour_map
 from frametwin.blender.display.statistics import StrutValues
 from frametwin.errors import InputError
+from frametwin.twin.verdict import Verdict
 
 KEY = "frametwin_twin"
 LEGEND_KEY = "frametwin_legend"
+VERDICT_KEY = "frametwin_verdict"
 VERSION = 1
 
 
@@ -51,6 +53,20 @@ def load_values(collection: bpy.types.Collection) -> tuple[dict[str, StrutValues
     }
     struts = [np.array(group.get(name, []), dtype=np.int64) for name in ("missing", "uncertain")]
     return columns, struts[0], struts[1]
+
+
+def store_verdict(collection: bpy.types.Collection, verdict: Verdict) -> None:
+    """Remember what the fit thinks of its twin."""
+    collection[VERDICT_KEY] = {"status": verdict.status, "reasons": "\n".join(verdict.reasons)}
+
+
+def load_verdict(collection: bpy.types.Collection) -> Verdict | None:
+    """What the fit thinks of its twin; ``None`` if nobody has said."""
+    group: Any = collection.get(VERDICT_KEY)
+    if not isinstance(group, idprop.types.IDPropertyGroup):
+        return None
+    reasons = tuple(reason for reason in str(group.get("reasons", "")).split("\n") if reason)
+    return Verdict(str(group.get("status", "")), reasons)
 
 
 def store_legend(collection: bpy.types.Collection, legend: Legend) -> None:

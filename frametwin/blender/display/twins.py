@@ -12,7 +12,13 @@ import numpy as np
 from frametwin.blender.background.stepwise import TURN, run_steps
 from frametwin.blender.display.colours import Legend, colour_twin, materials_steps, remove_unused_colours
 from frametwin.blender.display.statistics import StrutValues, strut_values
-from frametwin.blender.display.twin_records import load_legend, load_values, store_legend, store_values
+from frametwin.blender.display.twin_records import (
+    load_legend,
+    load_values,
+    store_legend,
+    store_values,
+    store_verdict,
+)
 from frametwin.blender.frames.curves import wireframe_to_curve_steps
 from frametwin.blender.scene.collections import remove_collection
 from frametwin.errors import InputError
@@ -21,6 +27,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.findings import missing_struts, uncertain_struts
 from frametwin.twin.runs import Truth, load_run, read_truth
 from frametwin.twin.twin import Twin
+from frametwin.twin.verdict import Verdict
 
 RUN_KEY = "frametwin_run"
 ROLE_KEY = "frametwin_role"
@@ -42,6 +49,8 @@ class TwinContent:
         Rising strut indices.
     run_folder
         Where it was read, or empty.
+    verdict
+        Of the fit on its twin.
     """
 
     frame: Wireframe
@@ -50,6 +59,7 @@ class TwinContent:
     missing: np.ndarray
     uncertain: np.ndarray
     run_folder: str = ""
+    verdict: Verdict = Verdict()
 
     @classmethod
     def of(cls, twin: Twin, frame: Wireframe, truth: Truth | None = None, run_folder: str = "") -> TwinContent:
@@ -68,6 +78,7 @@ class TwinContent:
             missing_struts(twin, frame.printed),
             uncertain_struts(twin, frame.printed),
             run_folder,
+            twin.verdict,
         )
 
     @classmethod
@@ -171,6 +182,7 @@ def show_twin_steps(
             owner[RUN_KEY], owner[ROLE_KEY] = content.run_folder, role
         yield None
         store_values(collection, content.values, content.missing, content.uncertain)
+        store_verdict(collection, content.verdict)
         yield None
         yield from materials_steps()
         numbers = np.arange(frame.strut_count)
