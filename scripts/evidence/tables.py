@@ -120,7 +120,7 @@ def bending(records: Sequence[Record]) -> str:
     for name in sorted(found, key=float):
         rough = found[name]["result"]["unprinted"]
         label = "none" if float(name) == 0.0 else name.replace("e-0", "e-")
-        cells = [f"{100.0 * rough['stretch']:.2f} %", f"{rough['laplacian']:.2f}"]
+        cells = [f"{100.0 * rough['stretch']:.2f} %", f"{rough['laplacian']:.0f}"]
         rows.append([label, errors(found[name]), *cells])
     columns = ["weight", "printed struts, mean / largest, mm", "uneven stretch of the others", "their Laplacian, 1/m"]
     return (
