@@ -180,7 +180,7 @@ def check_captures_folder(path: PathLike) -> None:
         raise InputError.at(folder, "folder", "is itself a capture", "give the folder above it")
 
 
-def _look(folder: Path, raw: RawPictures | None) -> tuple[str, Signature]:
+def _look(folder: Path, raw: RawPictures | None = None) -> tuple[str, Signature]:
     """What a folder still lacks, empty for nothing, and the names, sizes and times of its files."""
     try:
         files = sorted(path for path in folder.rglob("*") if path.is_file())
