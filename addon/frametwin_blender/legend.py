@@ -10,9 +10,13 @@ from frametwin.blender.display.print_jobs import jobs_in
 from frametwin.blender.display.twin_records import load_legend
 from frametwin.blender.views.framing import Room
 
+from .properties import QUANTITIES
 from .steps import twin_of
 
 WIDTH, HEIGHT, MARGIN, TEXT = 220, 14, 24, 12  # pixels at a resolution scale of 1
+NAMES = {key: name for key, name, _ in QUANTITIES}
+"""What the panel calls a quantity."""
+
 _handle: object | None = None
 
 
@@ -47,7 +51,7 @@ def _draw_legend(legend: Legend, scale: float, room: Room) -> None:
     width, height = min(WIDTH * scale, room.right - MARGIN * scale - left), HEIGHT * scale
     _draw_bar(left, low, width, height, legend.colours)
     unit = f" ({legend.unit})" if legend.unit else ""
-    name = legend.quantity.replace("_", " ").capitalize()
+    name = NAMES.get(legend.quantity, legend.quantity.replace("_", " ").capitalize())
     _write(name + unit, left, low + height + 6 * scale, scale)
     for share in (0.0, 0.5, 1.0):
         value = legend.low + share * (legend.high - legend.low)
