@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from frametwin.cameras import Camera
 from frametwin.fitting.elastic import ElasticFrame
@@ -88,12 +87,26 @@ class CameraPrior:
         return cls(NOISE**2 / deviations**2)
 
 
+def rotations(vectors: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) matrices of turns about the directions of ``vectors`` (..., 3), radians."""
+    from scipy.spatial.transform import Rotation  # a sixth of a second, which fits of exact cameras do without
+
+    return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
+
+
+def turns(matrices: np.ndarray) -> np.ndarray:
+    """The inverse of `rotations`."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(matrices).as_rotvec())
+
+
 def corrected(cameras: Sequence[Camera], freedoms: np.ndarray) -> list[Camera]:
     """The cameras after their freedoms (N, 10), but for the lens, which a pinhole camera has none of."""
     result = []
     for camera, own in zip(cameras, freedoms, strict=True):
         pose = np.array(camera.camera_to_world)
-        pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(own[TURN]).as_matrix().T
+        pose[:3, :3] = pose[:3, :3] @ rotations(own[TURN]).T
         pose[:3, 3] += own[SHIFT]
         factor = float(np.exp(own[FOCAL]))
         result.append(
@@ -199,7 +212,7 @@ def coupling_to_freedoms(elastic: ElasticFrame, terms: CameraTerms) -> np.ndarra
 def moved_cameras(packed: np.ndarray, freedoms: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """(N, 17) packed cameras of a level after their freedoms (N, 10); scales (N,) as in `camera_terms`."""
     result = packed.copy()
-    turned = Rotation.from_rotvec(freedoms[:, TURN]).as_matrix() @ packed[:, :9].reshape(-1, 3, 3)
+    turned = rotations(freedoms[:, TURN]) @ packed[:, :9].reshape(-1, 3, 3)
     centre = -np.einsum("vca,vc->va", packed[:, :9].reshape(-1, 3, 3), packed[:, 9:12]) + freedoms[:, SHIFT]
     result[:, :9] = turned.reshape(-1, 9)
     result[:, 9:12] = -np.einsum("vca,va->vc", turned, centre)

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from frametwin.fitting.camera_freedoms import SHIFT, TURN
+from frametwin.fitting.camera_freedoms import SHIFT, TURN, rotations, turns
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.motion import Pose
 from frametwin.geometry import bezier
@@ -54,8 +53,8 @@ def moved_rig(packed: np.ndarray, freedoms: np.ndarray, motion: Similarity) -> n
     own = packed[:, :9].reshape(-1, 3, 3)
     rest = -np.einsum("vca,vc->va", own, packed[:, 9:12])
     result[:, SHIFT] = motion(rest + freedoms[:, SHIFT]) - rest
-    turned = Rotation.from_rotvec(freedoms[:, TURN]).as_matrix() @ own @ motion.rotation.T
-    result[:, TURN] = Rotation.from_matrix(turned @ own.transpose(0, 2, 1)).as_rotvec()
+    turned = rotations(freedoms[:, TURN]) @ own @ motion.rotation.T
+    result[:, TURN] = turns(turned @ own.transpose(0, 2, 1))
     return result
 
 
@@ -103,7 +102,7 @@ def held_world(
         rows.append(np.array([[0.0] * 6 + [1.0 / LENGTH]]))
         values.append(np.array([(np.log(total.scale) + np.log(ratio)) / LENGTH]))
         step = -np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=None)[0]
-        small = Similarity(float(np.exp(step[6])), Rotation.from_rotvec(step[3:6]).as_matrix(), step[:3])
+        small = Similarity(float(np.exp(step[6])), rotations(step[3:6]), step[:3])
         total = small.after(total)
         if np.abs(step).max() < 1e-9:
             break

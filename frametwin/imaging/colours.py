@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from frametwin.imaging.photograph import DARK, Photograph
 
@@ -77,5 +76,7 @@ def _colour_bins(light: np.ndarray) -> np.ndarray:
 
 def _histogram(bins: np.ndarray) -> np.ndarray:
     """Share of pixels in each bin, those of neighbouring bins mixed in."""
+    from scipy.ndimage import gaussian_filter  # a tenth of a second, for photographs without a background alone
+
     count = np.bincount(bins, minlength=_BINS**3).reshape(_BINS, _BINS, _BINS).astype(float)
     return np.asarray(gaussian_filter(count / max(len(bins), 1), _BIN_BLUR, mode="nearest").ravel())
