@@ -26,6 +26,12 @@ def test_a_twin_of_loose_or_unsettled_masks_is_doubtful(loose: float, moved: flo
     assert all(f"{value:.0%}" in judged.reasons[0] for value in (loose, moved) if value >= 0.05)
 
 
+@pytest.mark.parametrize(("corrected", "status"), [(1.8, "good"), (3.0, "doubtful")])
+def test_a_twin_for_which_most_cameras_had_to_move_is_doubtful(corrected: float, status: str) -> None:
+    judged = judged_on_photographs(Verdict(), 0.03, 0.01, corrected)
+    assert judged.status == status and (status == "good" or "3.0 standard deviations" in judged.reasons[0])
+
+
 def test_a_graver_verdict_stays() -> None:
     wrong = Verdict("wrong", ("nothing agrees",))
     assert judged_on_photographs(wrong, 1.0, 1.0) is wrong

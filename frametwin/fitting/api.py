@@ -111,7 +111,8 @@ def fit_capture(
     if any(mask.photo is not None and mask.used for mask in looked.masks) and twin.sigma_across is not None:
         part = capture.frame.printed
         loose = float(np.median((twin.sigma_across / capture.frame.radius)[part])) if part.any() else 0.0
-        judged = judged_on_photographs(twin.verdict, loose, looked.moved)
+        corrected = float(np.median([camera["sigmas"] for camera in twin.cameras])) if twin.cameras else 0.0
+        judged = judged_on_photographs(twin.verdict, loose, looked.moved, corrected)
         twin = _with_doubt_of_masks(twin.replace(verdict=judged), capture)
     timing = {"read": read, **twin.timing, "total": perf_counter() - began}
     provenance = {**twin.provenance, "inputs": capture.hashes}

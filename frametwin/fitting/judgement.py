@@ -31,6 +31,10 @@ UNSETTLED = 0.02
 FAR = 4.0
 """Standard deviations of its rig by which a camera may be corrected without a word."""
 
+FAR_ON_PHOTOGRAPHS = 2.5
+"""The same of the typical camera where the masks were found in photographs: a rig that errs as it says is corrected by
+about two, and masks that lose one side of every strut are explained by cameras as well as by struts."""
+
 TOLD = 5
 """Torn ends that are named."""
 
@@ -92,7 +96,7 @@ def torn_ends(part: PartFit) -> list[str]:
     return [f"torn off their joints: {'; '.join(told)}{rest}"]
 
 
-def judged_on_photographs(judged: Verdict, loose: float, moved: float) -> Verdict:
+def judged_on_photographs(judged: Verdict, loose: float, moved: float, corrected: float = 0.0) -> Verdict:
     """The verdict on a twin whose masks were found in photographs.
 
     Parameters
@@ -103,6 +107,8 @@ def judged_on_photographs(judged: Verdict, loose: float, moved: float) -> Verdic
         Standard deviation of the typical strut, in radii.
     moved : float
         How far the last look at the photographs has moved it, in radii.
+    corrected : float
+        By how many standard deviations of its rig the typical camera was corrected.
     """
     if judged.status != GOOD:
         return judged
@@ -111,6 +117,8 @@ def judged_on_photographs(judged: Verdict, loose: float, moved: float) -> Verdic
         doubts.append(f"the masks leave the typical strut uncertain by {loose:.0%} of its radius")
     if moved > UNSETTLED:
         doubts.append(f"the last look at the photographs still moved the typical strut by {moved:.0%} of its radius")
+    if corrected > FAR_ON_PHOTOGRAPHS:
+        doubts.append(f"the typical camera was corrected by {corrected:.1f} standard deviations of its rig")
     if not doubts:
         return judged
     doubts[-1] += ": look at the masks with frametwin mask"
