@@ -102,12 +102,17 @@ def capture_from_rig(
     return tuple(name for name, file in files.items() if file is None)
 
 
+def pictures_named(folder: Path, name: str) -> list[Path]:
+    """Pictures in a folder that have the name of a camera, in any format."""
+    beside = [folder / f"{name}{ending}" for ending in (*ENDINGS, *(ending.upper() for ending in ENDINGS))]
+    return sorted({path.resolve(): path for path in beside if path.is_file()}.values())
+
+
 def _picture_of(folder: Path, name: str, moment: str | None) -> Path | None:
     """The picture of a camera, if there is one."""
     if not folder.is_dir():
         raise InputError.at(folder, "folder", "there is no such folder", "give the folder with the pictures")
-    beside = [folder / f"{name}{ending}" for ending in (*ENDINGS, *(ending.upper() for ending in ENDINGS))]
-    found = sorted({path.resolve(): path for path in beside if path.is_file()}.values())
+    found = pictures_named(folder, name)
     own = folder / name
     if not found and own.is_dir():
         found = sorted(path for path in own.iterdir() if path.suffix.lower() in ENDINGS)

@@ -21,7 +21,7 @@ from frametwin.files import PathLike, staged_directory
 from frametwin.fitting.camera_corrections import as_records
 from frametwin.fitting.judgement import judged_on_photographs, verdict
 from frametwin.fitting.part_fit import PartFit
-from frametwin.fitting.photo_fit import ROUNDS, fit_by_turns
+from frametwin.fitting.photo_fit import ROUNDS, fit_by_turns, shows_photographs, typical_correction
 from frametwin.fitting.presets import PRESETS, fitter_of, settings_of
 from frametwin.formats import write_frame
 from frametwin.geometry.wireframe import Wireframe
@@ -108,11 +108,10 @@ def fit_capture(
     looked = fit_by_turns(capture, masks, fit, start, rounds)
     result = looked.result
     twin = _with_views_unread(result.twin, capture, looked.masks)
-    if any(mask.photo is not None and mask.used for mask in looked.masks) and twin.sigma_across is not None:
+    if shows_photographs(looked.masks) and twin.sigma_across is not None:
         part = capture.frame.printed
         loose = float(np.median((twin.sigma_across / capture.frame.radius)[part])) if part.any() else 0.0
-        corrected = float(np.median([camera["sigmas"] for camera in twin.cameras])) if twin.cameras else 0.0
-        judged = judged_on_photographs(twin.verdict, loose, looked.moved, corrected)
+        judged = judged_on_photographs(twin.verdict, loose, looked.moved, typical_correction(twin))
         twin = _with_doubt_of_masks(twin.replace(verdict=judged), capture)
     timing = {"read": read, **twin.timing, "total": perf_counter() - began}
     provenance = {**twin.provenance, "inputs": capture.hashes}

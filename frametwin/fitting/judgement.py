@@ -26,7 +26,8 @@ LOOSE_ON_PHOTOGRAPHS = 0.06
 leave less, and what is lost by unsound ones shows in it only in part."""
 
 UNSETTLED = 0.02
-"""How far in radii a last look at the photographs may move the typical strut: what is left is about as much again."""
+"""How far in radii a last look at the photographs may move the typical strut: what is left is about as much again, and
+there is no further look."""
 
 FAR = 4.0
 """Standard deviations of its rig by which a camera may be corrected without a word."""

@@ -12,7 +12,7 @@ from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture
 from frametwin.fields.base import DeformationField
 from frametwin.fitting.camera_corrections import as_found
-from frametwin.fitting.judgement import FAR
+from frametwin.fitting.judgement import FAR, UNSETTLED
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.imaging.photo_masks import ViewMask
 from frametwin.imaging.view_masks import refine_view_masks, require_views
@@ -20,9 +20,6 @@ from frametwin.twin.twin import Twin
 
 ROUNDS = 6
 """Further looks at the photographs, at most; each leaves about half of what the one before left."""
-
-SETTLED = 0.02
-"""Share of its radius by which a look moves the typical strut, below which there is no further one."""
 
 
 NEEDED = 1.5
@@ -100,7 +97,7 @@ def fit_by_turns(
     """
     seen = list(masks)
     result = _fit_used(capture, seen, fit, start)
-    if not any(mask.photo is not None and mask.used for mask in seen):
+    if not shows_photographs(seen):
         return Looked(result, seen, 0.0)
     moved = 0.0
     for _ in range(rounds):
@@ -109,7 +106,7 @@ def fit_by_turns(
         require_views(capture, seen)
         before, result = result, _fit_used(capture, seen, fit, result.field)
         moved = _moved(capture.frame, before.twin, result.twin)
-        if moved < SETTLED:
+        if moved < UNSETTLED:
             break
     return Looked(result, seen, moved)
 
@@ -125,15 +122,20 @@ def _fit_used(capture: Capture, masks: Sequence[ViewMask], fit: Fit[Result], sta
     cameras = [capture.views[i].camera.without_distortion() for i in used]
     pictures = [masks[i].coverage for i in used]
     free = fit(cameras, pictures, start, exact=False)
-    if not any(masks[i].photo is not None for i in used) or not _fled(free.twin):
+    if not shows_photographs(masks) or typical_correction(free.twin) <= FAR:
         return free
     exact = fit(cameras, pictures, start, exact=True)
     return exact if typical_misfit(exact.twin) < NEEDED * typical_misfit(free.twin) else free
 
 
-def _fled(twin: Twin) -> bool:
-    """Whether most cameras were moved by more than their rig allows."""
-    return bool(twin.cameras) and float(np.median([camera["sigmas"] for camera in twin.cameras])) > FAR
+def shows_photographs(masks: Sequence[ViewMask]) -> bool:
+    """Whether any of the views that are used is a photograph and no mask."""
+    return any(mask.photo is not None and mask.used for mask in masks)
+
+
+def typical_correction(twin: Twin) -> float:
+    """Standard deviations of its rig by which the typical camera was corrected; 0 where all stay."""
+    return float(np.median([camera["sigmas"] for camera in twin.cameras])) if twin.cameras else 0.0
 
 
 def typical_misfit(twin: Twin) -> float:

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from frametwin.calibration.pictures import ENDINGS
-from frametwin.calibration.rig_capture import capture_from_rig
+from frametwin.calibration.rig_capture import capture_from_rig, pictures_named
 from frametwin.cameras.rig_file import Rig
 from frametwin.files import file_hash
 from frametwin.geometry.wireframe import Wireframe
@@ -38,8 +37,7 @@ class RawPictures:
 
     def pictures(self, folder: Path) -> list[Path]:
         """Pictures of the rig's cameras that are there, named after them."""
-        found = (folder / f"{name}{ending}" for name in self.rig.names for ending in _endings())
-        return sorted({path.resolve(): path for path in found if path.is_file()}.values())
+        return sorted(path for name in self.rig.names for path in pictures_named(folder, name))
 
     def lacking(self, folder: Path) -> str:
         """Which camera's picture is not there yet; empty for none."""
@@ -53,7 +51,3 @@ class RawPictures:
     def note(self, folder: Path) -> dict[str, Any]:
         """What is kept of the raw pictures beside the answer: hashes by name."""
         return {"pictures": {path.name: file_hash(path) for path in self.pictures(folder)}}
-
-
-def _endings() -> list[str]:
-    return [*ENDINGS, *(ending.upper() for ending in ENDINGS)]
