@@ -8,6 +8,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from frametwin.cameras import Camera
 from frametwin.cameras.rigs import ring_rig
@@ -15,6 +16,7 @@ from frametwin.capture.capture import write_capture
 from frametwin.geometry.wireframe import Wireframe, straight_control_points
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.toolpath.workspace import Workspace
 from frametwin.raster.silhouette import silhouettes
 
 SIZE = (300, 400)
@@ -66,6 +68,14 @@ class LeaningPrint:
         write_capture(folder, standing, cameras, silhouettes(standing, cameras))
         (folder / "frame.json").unlink()
         return folder
+
+
+def turned_workspace() -> Workspace:
+    """The print stands turned and shifted before the robot."""
+    base = np.eye(4)
+    base[:3, :3] = Rotation.from_euler("z", 35.0, degrees=True).as_matrix()
+    base[:3, 3] = [500.0, -120.0, 40.0]
+    return Workspace([400.0, -250.0, 39.0], [600.0, 0.0, 250.0], base, max_speed=100.0)
 
 
 def cameras_of(design: Wireframe) -> tuple[Camera, ...]:

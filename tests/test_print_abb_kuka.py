@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from print_cases import turned_workspace
 from scipy.spatial.transform import Rotation
 from small_frames import tower
 
@@ -41,11 +42,7 @@ def points() -> Waypoints:
 
 @pytest.fixture(scope="module")
 def limits() -> Workspace:
-    """The print stands turned and shifted before the robot."""
-    base = np.eye(4)
-    base[:3, :3] = Rotation.from_euler("z", 35.0, degrees=True).as_matrix()
-    base[:3, 3] = [500.0, -120.0, 40.0]
-    return Workspace([400.0, -250.0, 39.0], [600.0, 0.0, 250.0], base, max_speed=100.0)
+    return turned_workspace()
 
 
 def in_base(points: Waypoints, limits: Workspace) -> tuple[np.ndarray, Rotation]:

@@ -124,9 +124,14 @@ def fit_batch(
         still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
         changes = {**WARM, "cameras": freedom}
         result, start = fit_views(expected, cameras, masks, changes=changes, start=still, callback=progress), "warm"
-        if _is_doubtful(pictures_through(expected, cameras, masks, result.twin), expected, result):
+        given = Pictures(expected, cameras, masks)
+
+        def seen(twin: Twin) -> Pictures:
+            return pictures_through(expected, cameras, masks, twin) if twin.cameras else given
+
+        if _is_doubtful(seen(result.twin), expected, result):
             other = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
-            result = min((result, other), key=lambda found: _disagreement(expected, cameras, masks, found))
+            result = min((result, other), key=lambda found: _disagreement(seen(found.twin), expected, found))
             start = "warm, then cold"
     return BatchFit(result, start, perf_counter() - began)
 
@@ -149,11 +154,8 @@ def pictures_through(
     return Pictures(expected, as_found(cameras, twin.cameras), masks)
 
 
-def _disagreement(
-    expected: Wireframe, cameras: Sequence[Camera], masks: Sequence[np.ndarray], result: FitResult
-) -> float:
+def _disagreement(pictures: Pictures, expected: Wireframe, result: FitResult) -> float:
     """How badly a twin fits the pictures: share that does not match, and share of the struts that it misses."""
-    pictures = pictures_through(expected, cameras, masks, result.twin)
     missing = len(lost_struts(expected, result.twin)) / int(expected.printed.sum())
     return pictures.evidence(expected, result.twin).mismatch + missing
 
