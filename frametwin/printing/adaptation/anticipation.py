@@ -98,7 +98,9 @@ class Anticipation:
     since: np.ndarray
 
     @classmethod
-    def of(cls, plan: Wireframe, laying: PrintSequence, rate: np.ndarray | None) -> Anticipation:
+    def of(
+        cls, plan: Wireframe, laying: PrintSequence, rate: np.ndarray | None, whole: bool = False
+    ) -> Anticipation:
         """Apply a rate of drift to a batch; joints that are new in it drift with those that they hang on.
 
         Parameters
@@ -107,6 +109,8 @@ class Anticipation:
             See the attributes.
         rate : (V, 3) array, mm, or None
             See `drift_rate`; ``None`` for a print that stands still.
+        whole
+            The rate tells of joints that are new in the batch, too.
         """
         since = np.zeros(plan.vertex_count)
         if rate is None:
@@ -118,7 +122,8 @@ class Anticipation:
                 continue
             since[end] = since[end] if struts[end] else place + 0.5
             struts[end] += 1.0
-            rate[end] += (rate[start] - rate[end]) / struts[end]  # the mean over its struts
+            if not whole:
+                rate[end] += (rate[start] - rate[end]) / struts[end]  # the mean over its struts
         return cls(plan, laying, rate, since)
 
     def shift(self, laid: float) -> np.ndarray:
