@@ -1,8 +1,8 @@
 """Aiming what is still to be laid so that the finished print comes to lie where the design has it.
 
 The rest of the print is computed with what is known of its material (`material_fit`), from where it stands, and joints
-that are still to come are moved against what they will drift, until they end at the design. Their struts are bent against
-what they will droop. The forecast is made anew after every twin, so that what it misses is made up for by what follows
+that are still to come are moved against what they will drift, until they end at the design. Their struts are bent
+against what they will droop. The forecast is made anew after every twin, so that what it misses is made up for later
 (receding horizon; J. Rawlings, D. Mayne, M. Diehl, "Model predictive control", 2nd ed., 2017, ch. 1).
 """
 
@@ -42,7 +42,11 @@ PARTS = 3
 
 
 def aimed(
-    design: Wireframe, adapted: Wireframe, targets: np.ndarray, fit: MaterialFit, state: PrintState,
+    design: Wireframe,
+    adapted: Wireframe,
+    targets: np.ndarray,
+    fit: MaterialFit,
+    state: PrintState,
     batches: Sequence[np.ndarray],
 ) -> Wireframe:
     """Aim what is still to be laid.
@@ -99,8 +103,8 @@ def remaining_movement(
     Returns
     -------
     joints, bows
-        (V, 3) array, mm, each from when it is there; and (E, 2, 3) array, mm, of the struts' inner control points beyond
-        what their ends do.
+        (V, 3) array, mm, each from when it is there; and (E, 2, 3) array, mm, of the struts' inner control points
+        beyond what their ends do.
     """
     began, parameters, bows = state.points, fit.parameters, np.zeros((len(state.laid), 2, 3))
     for struts in _steps(batches):

@@ -98,10 +98,8 @@ class Anticipation:
     since: np.ndarray
 
     @classmethod
-    def of(
-        cls, plan: Wireframe, laying: PrintSequence, rate: np.ndarray | None, whole: bool = False
-    ) -> Anticipation:
-        """Apply a rate of drift to a batch; joints that are new in it drift with those that they hang on.
+    def of(cls, plan: Wireframe, laying: PrintSequence, rate: np.ndarray | None) -> Anticipation:
+        """Apply a rate of drift to a batch; joints that are new in it, and have none, drift with those they hang on.
 
         Parameters
         ----------
@@ -109,20 +107,18 @@ class Anticipation:
             See the attributes.
         rate : (V, 3) array, mm, or None
             See `drift_rate`; ``None`` for a print that stands still.
-        whole
-            The rate tells of joints that are new in the batch, too.
         """
         since = np.zeros(plan.vertex_count)
         if rate is None:
             return cls(plan, laying, np.zeros_like(plan.vertices), since)
-        rate = np.array(rate)
+        rate, told = np.array(rate), rate.any(axis=1)
         there, struts = plan.printed_vertices() | plan.grounded, np.zeros(plan.vertex_count)
         for place, (start, end) in enumerate(zip(laying.start, laying.end_in(plan), strict=True)):
             if there[end]:
                 continue
             since[end] = since[end] if struts[end] else place + 0.5
             struts[end] += 1.0
-            if not whole:
+            if not told[end]:
                 rate[end] += (rate[start] - rate[end]) / struts[end]  # the mean over its struts
         return cls(plan, laying, rate, since)
 

@@ -2,9 +2,9 @@
 
 An extended Kalman filter (A. Gelb, "Applied optimal estimation", MIT Press 1974, ch. 6): the state are the logarithms
 of what `CreepParameters` name, a lean of the whole print, and for each strut how fast it flows and how it is pulled
-sideways. A twin is a measurement of how far joints moved in a batch; its derivatives come from the factors of the batch's
-stiffness, as many back substitutions as there are values seen. Struts that have moved otherwise than expected are known to
-be softer, or pulled, from then on, and are expected to go on like that.
+sideways. A twin is a measurement of how far joints moved in a batch; its derivatives come from the factors of the
+batch's stiffness, by as many back substitutions as there are values seen. Struts that moved otherwise than expected
+are known to be softer, or pulled, from then on, and are expected to go on like that.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ MODEL_ERROR = 0.05
 """Standard deviation of what the model misses, as a share of the movement."""
 
 STRUT_SPEED, STRUT_PULL = 0.3, 0.1
-"""Standard deviations from strut to strut: of the logarithm of how fast it flows, and of the sideways pull as a share of
-the weight (paper, Sec. I: changes of the printing direction introduce unpredictable deformations)."""
+"""Standard deviations from strut to strut: of the logarithm of how fast it flows, and of the sideways pull as a share
+of the weight (paper, Sec. I: changes of the printing direction introduce unpredictable deformations)."""
 
 MANY_STRUTS = 1200
 """Of frames with more struts, single struts are not told apart: the state would grow too long."""
@@ -133,7 +133,12 @@ class MaterialFit:
         weight, hardening, rest, axial = np.exp(self.values[[0, 3, 4, 5]])
         own = self.values[len(GLOBAL) :].reshape(3, -1) if len(self.values) > len(GLOBAL) else np.zeros((3, count))
         return CreepParameters(
-            float(weight), float(hardening), float(rest), float(axial), np.exp(own[0]), (self.values[1:3, None] + own[1:]).T
+            float(weight),
+            float(hardening),
+            float(rest),
+            float(axial),
+            np.exp(own[0]),
+            (self.values[1:3, None] + own[1:]).T,
         )
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.material_file import for_next_print, read_material
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
@@ -60,7 +61,8 @@ class PlanOptions:
     robot, tool
         The arm, and the length of its tool in mm; see `frametwin.printing.toolpath.robot_files.RobotSettings`.
     adapt, anticipate, compensate, reprint, cameras
-        See `JobSettings`; a job that does not adapt does not anticipate either.
+        See `JobSettings`; a job that does not adapt does not anticipate
+        or compensate either.
     limits
         When the job stops.
     seed
@@ -85,7 +87,7 @@ class PlanOptions:
     tool: ToolLength | None = None
     adapt: bool = True
     anticipate: bool = True
-    compensate: bool = False
+    compensate: bool = True
     reprint: bool = False
     cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     limits: GuardLimits = GuardLimits()
@@ -119,7 +121,7 @@ class PlanOptions:
             robot=RobotSettings(self.place(frame), waypoints, tuple(self.formats), self.robot, self.tool),
             adapt=self.adapt,
             anticipate=self.adapt and self.anticipate,
-            compensate=self.compensate,
+            compensate=self.adapt and self.compensate,
             reprint=self.reprint,
             cameras=self.cameras,
             limits=self.limits,
@@ -146,6 +148,7 @@ def plan_job(
     options: PlanOptions | None = None,
     *,
     order: PathLike | None = None,
+    material: PathLike | None = None,
     overwrite: bool = False,
     notes: Mapping[str, Mapping[str, Any]] | None = None,
     progress: ProgressCallback | None = None,
@@ -162,6 +165,8 @@ def plan_job(
         See `PlanOptions`.
     order
         A file with an order to keep; see `frametwin.printing.sequencing.given_order`.
+    material
+        What an earlier job has learnt of the material: that job, or its ``material.json``.
     overwrite
         Replace a job that is in the folder.
     notes
@@ -176,12 +181,13 @@ def plan_job(
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
+    known = None if material is None else for_next_print(read_material(material))
     ordering = options.order(frame)
     settings = options.job(frame, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
     cut = order is None or options.batch_size is not None
     sequence = plan_order(frame, ordering, order, cut, progress)
     report(progress, Progress("writing", 0, 1))
-    return PrintJob.create(folder, frame, sequence, settings, notes, overwrite)
+    return PrintJob.create(folder, frame, sequence, settings, notes, overwrite, known)
 
 
 def plan_order(

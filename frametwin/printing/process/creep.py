@@ -3,8 +3,8 @@
 This is the model that the job has of its own print, coarser than the simulated one: struts are straight between their
 joints, rotations are small within a batch, and nothing tears. Its parameters are what a material is: see
 `CreepParameters`. A slow viscous thread moves as fast as an elastic beam of the same section is bent far (the analogy
-of Stokes and Rayleigh), and a batch in which nothing is moved by much is one linear problem, on the shape that the print
-has by then: so a print that leans is loaded as one that leans.
+of Stokes and Rayleigh), and a batch in which nothing is moved by much is one linear problem, on the shape that the
+print has by then: so a print that leans is loaded as one that leans.
 """
 
 from __future__ import annotations
@@ -183,9 +183,7 @@ class CreepModel:
         pull = np.column_stack([parameters.pull[struts], -np.ones(len(struts))])
         freedoms = (6 * edges[:, :, None] + np.arange(6)).reshape(-1, 12)
         size = 6 * design.vertex_count
-        force = np.bincount(
-            freedoms.ravel(), weights=np.einsum("nfk,nk->nf", sideways, pull).ravel(), minlength=size
-        )
+        force = np.bincount(freedoms.ravel(), weights=np.einsum("nfk,nk->nf", sideways, pull).ravel(), minlength=size)
         held = np.repeat(design.grounded, 6)
         free = np.setdiff1d(np.unique(freedoms), np.flatnonzero(held))
         moved, factor = np.zeros(size), None

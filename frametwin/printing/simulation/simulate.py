@@ -128,6 +128,7 @@ def simulate_print(
     options: SimulationOptions | None = None,
     *,
     order: PathLike | None = None,
+    material: PathLike | None = None,
     overwrite: bool = False,
     renderer: Renderer | None = None,
     progress: ProgressCallback | None = None,
@@ -145,7 +146,7 @@ def simulate_print(
         The design.
     options
         See `SimulationOptions`.
-    order
+    order, material
         See `plan_job`.
     overwrite
         Replace a job that is in the folder.
@@ -164,7 +165,7 @@ def simulate_print(
     options = SimulationOptions() if options is None else options
     options.rig.require(renderer)
     options.answer  # noqa: B018  refuses unknown names before anything is done
-    job = _job_in(Path(folder), frame, options, order, overwrite, progress)
+    job = _job_in(Path(folder), frame, options, order, material, overwrite, progress)
     grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed)
     held: Held | None = None
     for earlier in range(job.answered):
@@ -187,6 +188,7 @@ def _job_in(
     frame: Wireframe,
     options: SimulationOptions,
     order: PathLike | None,
+    material: PathLike | None,
     overwrite: bool,
     progress: ProgressCallback | None,
 ) -> PrintJob:
@@ -195,7 +197,16 @@ def _job_in(
     notes = {"format": FORMAT, "version": VERSION, "order": digest, "options": options.as_dict()}
     if not (folder / SETTINGS).is_file() or overwrite:
         extra = {SETTINGS: notes}
-        return plan_job(folder, frame, options.plan, order=order, overwrite=overwrite, notes=extra, progress=progress)
+        return plan_job(
+            folder,
+            frame,
+            options.plan,
+            order=order,
+            material=material,
+            overwrite=overwrite,
+            notes=extra,
+            progress=progress,
+        )
     job = PrintJob(folder)
     design = frame.replace(printed=np.ones(frame.strut_count, dtype=bool))
     same = frame_json.to_dict(job.design), read_json(folder / SETTINGS)
@@ -228,8 +239,8 @@ def _answer(
         capture = scratch / f"batch_{outcome.batch:03d}"
         cameras = options.rig.cameras(job.design)
         try:
-            seed = options.seed + outcome.batch
-            if not options.rig.take(capture, grown.standing(), cameras, seed, renderer, progress):
+            seed, told = options.seed + outcome.batch, options.rig.told(cameras, options.seed)
+            if not options.rig.take(capture, grown.standing(), cameras, seed, renderer, progress, told):
                 raise Held.at(f"batch {outcome.batch}", "pictures", "nothing stands any more", "print it again")
             job.answer(capture, answer, progress)
         except Held:
