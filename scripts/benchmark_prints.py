@@ -2,9 +2,9 @@
 
 Cameras are told with the errors of a good calibration (0.05 degrees, 0.3 mm), joints have blobs of 1.5 radii, and the
 material differs from print to print by up to 30 % in each of flow, hardening, rest and stiffness along the strut.
-``first`` knows nothing of the material, ``forecast`` what one earlier print of the frame has told (with a seed of its own),
-and ``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in all of them. The
-simulated print knows nothing of twins or forecasts, and the job sees nothing but pictures.
+``first`` knows nothing of the material, ``forecast`` what one earlier print of the frame with another seed has told, and
+``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in all of them. The simulated
+print knows nothing of twins or forecasts, and the job sees nothing but pictures.
 """
 
 from __future__ import annotations

@@ -20,9 +20,11 @@ from frametwin.printing.adaptation.anticipation import Anticipation
 from frametwin.printing.adaptation.material_file import PRINT_TO_PRINT, for_next_print, read_material, write_material
 from frametwin.printing.adaptation.material_fit import GUESS, BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.adaptation.printability import Fall, first_fall
 from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JOB
+from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.process.creep import CreepModel, PrintState
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
@@ -240,3 +242,37 @@ def test_jobs_of_before_keep_their_forecast(aiming: PrintJob) -> None:
     del data["settings"]["forecast"]
     write_json(aiming.folder / JOB, data)
     assert PrintJob(aiming.folder).settings.forecast == "linear"
+
+
+# --- what cannot be printed
+
+
+def gallows(length: float) -> tuple[Wireframe, PrintSequence]:
+    """A short post with a long arm that hangs on it until the second post is there."""
+    vertices = [[0, 0, 0], [0, 0, 20], [length, 0, 20], [length, 0, 0]]
+    frame = Wireframe.create(vertices, [[0, 1], [1, 2], [3, 2]], radius=1.0, grounded=[True, False, False, True])
+    axis = np.tile([0.0, 0.0, 1.0], (3, 1))
+    return frame, PrintSequence(np.arange(3), np.array([0, 1, 3]), axis, np.arange(3))
+
+
+def test_a_strut_that_would_sag_away_is_told_with_what_would_help(tmp_path: Path) -> None:
+    soft = MaterialEstimate(known(1.0, 600.0, 0.1, 0.1).mean, GUESS.deviation, 1)
+    assert _falls(30.0, soft) is None
+    fall = _falls(120.0, soft)
+    assert fall is not None and fall.strut == 1 and fall.batch == 1 and fall.reason == "sag"
+    assert "half the speed" in fall.remedy
+    worse = _falls(180.0, soft)
+    assert worse is not None and "prop under joint 2" in worse.remedy
+    write_material(tmp_path / "soft.json", soft)
+    frame, _ = gallows(180.0)
+    with pytest.raises(InputError, match="strut 1 would sag away.*prop under joint 2"):
+        plan_job(
+            tmp_path / "job", frame, PlanOptions(allow_contact=True, batch_size=1), material=tmp_path / "soft.json"
+        )
+    assert not (tmp_path / "job").exists()
+
+
+def _falls(length: float, material: MaterialEstimate) -> Fall | None:
+    frame, sequence = gallows(length)
+    fit = CreepForecast.start(frame, material).fit
+    return first_fall(fit, frame, [sequence.struts[sequence.batch == batch] for batch in range(3)])

@@ -9,10 +9,14 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import for_next_print, read_material
+from frametwin.printing.adaptation.material_fit import MaterialEstimate
+from frametwin.printing.adaptation.printability import first_fall
+from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
@@ -177,7 +181,8 @@ def plan_job(
     Raises
     ------
     InputError
-        If the frame cannot be printed, something is outside of the workspace, or the folder cannot be written.
+        If the frame cannot be printed, or would not stand by what is known of its material, something is outside of the
+        workspace, or the folder cannot be written.
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
@@ -186,8 +191,25 @@ def plan_job(
     settings = options.job(frame, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
     cut = order is None or options.batch_size is not None
     sequence = plan_order(frame, ordering, order, cut, progress)
+    if known is not None:
+        require_standing(frame, sequence, known)
     report(progress, Progress("writing", 0, 1))
     return PrintJob.create(folder, frame, sequence, settings, notes, overwrite, known)
+
+
+def require_standing(frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate) -> None:
+    """Refuse a print of which a known material tells that it will not stand.
+
+    Raises
+    ------
+    InputError
+        The sentence names the strut, the reason, and what would help.
+    """
+    fit = CreepForecast.start(frame, material).fit
+    batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
+    fall = first_fall(fit, frame, batches)
+    if fall is not None:
+        raise InputError.at(frame.name, "material", fall.problem, fall.remedy)
 
 
 def plan_order(
