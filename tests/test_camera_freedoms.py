@@ -23,6 +23,7 @@ from frametwin.fitting.camera_freedoms import (
     camera_terms,
     corrected,
     moved_cameras,
+    pixel_noise,
     rig_deviations,
     view_motions,
     with_cameras,
@@ -193,3 +194,34 @@ def test_cameras_are_held_by_their_own_calibration_and_what_drifts_after_it() ->
     np.testing.assert_allclose(own**2, known**2 + DRIFT.deviations() ** 2)
     np.testing.assert_array_equal(usual, errors.deviations())
     np.testing.assert_allclose(CameraPrior.of(own[None]).weight[0] * own**2, NOISE**2)
+
+
+def test_outlines_that_err_alike_weigh_as_few_pixels() -> None:
+    assert pixel_noise(0.0) == NOISE
+    assert pixel_noise(0.2) ** 2 == pytest.approx(NOISE**2 + 50.0 * 0.2**2)
+
+
+def test_what_photographs_do_to_all_feet_does_not_become_less_by_their_number() -> None:
+    """The mean of n feet that share an error keeps it; their own errors become less by the root of n."""
+    for stories in (1, 3):
+        frame = tower(stories)
+        count = frame.grounded.sum()
+        assert gauge.foot_deviation(frame, 0.0) == gauge.FEET
+        common = gauge.foot_deviation(frame, 0.13) / np.sqrt(count)
+        assert common**2 == pytest.approx(0.13**2 + gauge.FEET**2 / count)
+
+
+def test_the_world_is_held_by_cameras_and_feet_together() -> None:
+    elastic, pictures = ElasticFrame(tower(1)), level()
+    deviations = np.tile(RigErrors(shift=0.2).deviations(), (3, 1))
+    at = {
+        what: gauge.world_deviation(elastic, pictures.cameras, deviations, what, foot=0.2)
+        for what in ("rig", "cameras", "feet")
+    }
+    assert not at["rig"].any()
+    lowest = {what: float(values.min()) for what, values in at.items()}
+    assert 0.2 / np.sqrt(3) <= lowest["cameras"] < 1.3 * 0.2 / np.sqrt(3)
+    feet = 0.2 / np.sqrt(elastic.frame.grounded.sum())
+    assert lowest["feet"] < feet < lowest["cameras"]
+    sharper = gauge.world_deviation(elastic, pictures.cameras, deviations / 100.0, "feet", foot=0.2)
+    assert sharper.max() < 0.02 * at["feet"].max()

@@ -29,6 +29,15 @@ FREEDOMS = 10
 NOISE = 0.15
 """Standard deviation of a pixel on an edge, which also stands for what the model leaves out."""
 
+ALIKE = 50.0
+"""Pixels along a strut's outline that share its error where light and shading have drawn it: so many of them tell no
+more than one."""
+
+
+def pixel_noise(outline_error: float) -> float:
+    """Standard deviation of a pixel on an edge, of outlines that are wrong by ``outline_error`` pixels alike."""
+    return float(np.hypot(NOISE, outline_error * np.sqrt(ALIKE)))
+
 
 @dataclass(frozen=True)
 class RigErrors:
@@ -82,9 +91,9 @@ class CameraPrior:
     weight: np.ndarray
 
     @classmethod
-    def of(cls, deviations: np.ndarray) -> CameraPrior:
+    def of(cls, deviations: np.ndarray, noise: float = NOISE) -> CameraPrior:
         """From standard deviations (N, 10); the loss is the squared residual, so its noise is that of a pixel."""
-        return cls(NOISE**2 / deviations**2)
+        return cls(noise**2 / deviations**2)
 
 
 def rotations(vectors: np.ndarray) -> np.ndarray:

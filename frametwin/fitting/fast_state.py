@@ -14,11 +14,13 @@ from frametwin.fitting.camera_freedoms import (
     CameraPrior,
     CameraTerms,
     camera_terms,
+    pixel_noise,
     rig_deviations,
     with_cameras,
 )
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
+from frametwin.fitting.gauge import foot_deviation
 from frametwin.fitting.levels import Levels
 from frametwin.fitting.motion import Pose, as_rods, start_pose
 from frametwin.geometry.wireframe import Wireframe
@@ -87,7 +89,22 @@ class Problem:
     @property
     def prior(self) -> CameraPrior:
         """What is known of the cameras before any picture is looked at."""
-        return CameraPrior.of(self.deviations)
+        return CameraPrior.of(self.deviations, self.noise)
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a pixel on an edge."""
+        return pixel_noise(self.settings.outline_error)
+
+    @property
+    def outline_error(self) -> float:
+        """The same of an outline as a whole, in mm at the frame."""
+        return self.settings.outline_error / self.levels.density
+
+    @property
+    def foot_deviation(self) -> float:
+        """mm, of a foot on the plate, as `frametwin.fitting.gauge.held_world` takes it."""
+        return foot_deviation(self.elastic.frame, self.outline_error)
 
     def exact_cameras(self) -> np.ndarray:
         """(N, 10) freedoms of cameras that are where the rig has them."""

@@ -14,6 +14,7 @@ from frametwin.fitting.camera_freedoms import SHIFT, TURN, rotations, turns
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.motion import Pose
 from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 FEET = 0.05
 """mm: standard deviation of a foot on the plate, as it was planned and as it is seen."""
@@ -45,6 +46,14 @@ class Similarity:
 
 
 IDENTITY = Similarity(1.0, np.eye(3), np.zeros(3))
+
+
+def foot_deviation(frame: Wireframe, outline_error: float) -> float:
+    """mm: standard deviation of a foot where outlines are wrong by ``outline_error`` mm, at all feet alike.
+
+    What all share does not become less by their number, so each is worth the less the more there are.
+    """
+    return float(np.hypot(FEET, outline_error * np.sqrt(frame.grounded.sum())))
 
 
 def moved_rig(packed: np.ndarray, freedoms: np.ndarray, motion: Similarity) -> np.ndarray:
@@ -144,11 +153,20 @@ def rig_misfit(freedoms: np.ndarray, deviations: np.ndarray) -> float:
     return float(np.square(freedoms[:, POSE] / deviations[:, POSE]).sum())
 
 
-def world_deviation(elastic: ElasticFrame, deviations: np.ndarray, holds: str) -> np.ndarray:
+def world_deviation(
+    elastic: ElasticFrame, packed: np.ndarray, deviations: np.ndarray, holds: str, foot: float = FEET
+) -> np.ndarray:
     """(E,) mm: standard deviation of where the world is held, at the middle of each strut.
 
-    An exact rig holds it exactly; feet hold it by their own deviation and that of the common length; cameras, each by
-    itself, by a share of their shifts. ``deviations`` (N, 10) are those of the cameras that were used.
+    An exact rig holds it exactly. Cameras, each by itself, hold place and size by a share of their shifts; feet hold
+    the place with them by their own deviation, and lengths the size.
+
+    Parameters
+    ----------
+    elastic : the frame.
+    packed, deviations : (N, 17) and (N, 10) the rig's cameras that were used, and how well each is known.
+    holds : ``rig``, ``feet`` or ``cameras``.
+    foot : mm, standard deviation of a foot.
     """
     frame = elastic.frame
     if holds == "rig":
@@ -156,6 +174,15 @@ def world_deviation(elastic: ElasticFrame, deviations: np.ndarray, holds: str) -
     middle = frame.vertices[frame.edges].mean(axis=1)
     standing = frame.vertices[frame.grounded] if frame.grounded.any() else frame.vertices
     reach = np.linalg.norm(middle - standing.mean(axis=0), axis=1)
-    shift = float(np.sqrt(np.square(deviations[:, SHIFT]).mean()))
-    at = FEET / np.sqrt(len(standing)) if holds == "feet" else shift / np.sqrt(len(deviations))
-    return np.hypot(at, LENGTH * reach)
+    centres = -np.einsum("vca,vc->va", packed[:, :9].reshape(-1, 3, 3), packed[:, 9:12])
+    distance = np.linalg.norm(centres - middle.mean(axis=0), axis=1).mean()
+    place = np.sqrt(np.square(deviations[:, SHIFT]).mean() / len(deviations))
+    size = _both(place / distance, LENGTH)
+    if holds == "feet":
+        place = _both(place, foot / np.sqrt(len(standing)))
+    return np.hypot(place, size * reach)
+
+
+def _both(one: float, other: float) -> float:
+    """Standard deviation of what is known twice."""
+    return float(1.0 / np.hypot(1.0 / one, 1.0 / other))

@@ -11,7 +11,7 @@ from frametwin.fitting.fast_state import Problem, State
 def held_by(problem: Problem, state: State, what: str) -> State:
     """Print and cameras moved together to where feet or cameras hold them; see `frametwin.fitting.gauge`."""
     rig = problem.level(problem.settings.refine[-1]).cameras
-    feet = gauge.FEET if what == "feet" else None
+    feet = problem.foot_deviation if what == "feet" else None
     motion = gauge.held_world(problem.elastic, state.pose, rig, state.freedoms, problem.deviations, feet)
     return replace(
         state,

@@ -16,7 +16,7 @@ from frametwin.errors import Doubt, InputError
 from frametwin.fields.base import DeformationField
 from frametwin.files import PathLike, write_json
 from frametwin.fitting.api import FitResult, write_run
-from frametwin.fitting.photo_fit import fit_by_turns
+from frametwin.fitting.photo_fit import fit_by_turns, outline_error
 from frametwin.formats import frame_json
 from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
@@ -220,7 +220,15 @@ def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progr
         cameras: list[Camera], pictures: list[np.ndarray], start: DeformationField | None, exact: bool
     ) -> BatchFit:
         chosen = "exact" if exact else freedom
-        return fit_batch(frame, cameras, pictures, warm=options.warm, freedom=chosen, progress=progress)
+        return fit_batch(
+            frame,
+            cameras,
+            pictures,
+            warm=options.warm,
+            freedom=chosen,
+            outline_error=outline_error(seen),
+            progress=progress,
+        )
 
     seen = read_view_masks(taken.capture, progress=progress)
     laps.append(perf_counter())
