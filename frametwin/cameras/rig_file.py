@@ -79,19 +79,17 @@ class RigCamera:
         return self.camera_to_world[:3, 3]
 
     @property
-    def deviations(self) -> Floats | None:
-        """Of the camera as `frametwin.cameras.Camera` has them; None where pose or covariance is not known.
-
-        Each is that of its own freedom whatever the others are, so that what is known of several together is lost.
-        """
+    def freedoms_covariance(self) -> Floats | None:
+        """(10, 10) as `frametwin.cameras.Camera` has it; None where pose or covariance is not known."""
         if self.camera_to_world is None or self.covariance is None:
             return None
         first = len(self.keys) - len(POSE_KEYS)
         rows = np.zeros((10, len(self.keys)))
-        rows[range(6), range(first, first + 6)] = 1.0
+        rows[range(3), range(first, first + 3)] = -1.0  # there the picture's content turns, here the camera
+        rows[range(3, 6), range(first + 3, first + 6)] = 1.0
         rows[6, :2] = 0.5 / self.lens[:2]
         rows[[7, 8, 9], [2, 3, 4]] = 1.0
-        return np.asarray(np.sqrt(np.maximum(np.einsum("fp,pq,fq->f", rows, self.covariance, rows), 0.0)))
+        return np.asarray(rows @ self.covariance @ rows.T)
 
     def as_camera(self) -> Camera:
         """The camera for everything else in FrameTwin.
@@ -108,8 +106,8 @@ class RigCamera:
             remedy = "run frametwin calibrate extrinsics first"
             raise InputError.at(f"camera {self.name}", "transform_matrix", "the pose is not known", remedy)
         fl_x, fl_y, cx, cy = self.lens[:4].tolist()
-        pose, lens, known = self.camera_to_world, self.lens[4:9], self.deviations
-        return Camera(self.name, self.width, self.height, fl_x, fl_y, cx, cy, pose, lens, deviations=known)
+        pose, lens, known = self.camera_to_world, self.lens[4:9], self.freedoms_covariance
+        return Camera(self.name, self.width, self.height, fl_x, fl_y, cx, cy, pose, lens, covariance=known)
 
 
 @dataclass(frozen=True, eq=False)

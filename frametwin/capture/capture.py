@@ -122,9 +122,9 @@ def read_capture(folder: PathLike, frame: Wireframe | None = None) -> Capture:
 
 def _as_well_known(views: Sequence[View], rig: Rig) -> list[View]:
     """The views with how well the rig knows their cameras, by name."""
-    known = {camera.name: camera.deviations for camera in rig.cameras}
+    known = {camera.name: camera.freedoms_covariance for camera in rig.cameras}
     return [
-        replace(view, camera=replace(view.camera, deviations=known.get(view.camera.name, view.camera.deviations)))
+        replace(view, camera=replace(view.camera, covariance=known.get(view.camera.name, view.camera.covariance)))
         for view in views
     ]
 

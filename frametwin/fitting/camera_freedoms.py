@@ -71,12 +71,22 @@ DRIFT = RigErrors(turn=0.03, shift=0.2, focal=5e-4, centre=0.3, lens=1e-3)
 These are the errors of a good calibration that is repeated."""
 
 
-def rig_deviations(cameras: Sequence[Camera], errors: RigErrors) -> np.ndarray:
-    """Standard deviations (N, 10) of cameras: their own with `DRIFT`, or where a camera has none, ``errors``."""
-    drift = DRIFT.deviations()
-    return np.array(
-        [errors.deviations() if camera.deviations is None else np.hypot(camera.deviations, drift) for camera in cameras]
-    )
+def rig_covariances(cameras: Sequence[Camera], errors: RigErrors) -> np.ndarray:
+    """Covariances (N, 10, 10) of cameras: their own with `DRIFT`, or where a camera has none, ``errors``."""
+    drift, usual = (np.diag(known.deviations() ** 2) for known in (DRIFT, errors))
+    return np.array([usual if camera.covariance is None else camera.covariance + drift for camera in cameras])
+
+
+def deviations_of(covariances: np.ndarray) -> np.ndarray:
+    """Standard deviations (N, 10) of each freedom, whatever the others are."""
+    return np.asarray(np.sqrt(np.diagonal(covariances, axis1=-2, axis2=-1)))
+
+
+def whitening(covariances: np.ndarray) -> np.ndarray:
+    """Matrices (N, 10, 10) that make corrections of cameras independent and one standard deviation long."""
+    scale = deviations_of(covariances)
+    even = covariances / (scale[:, :, None] * scale[:, None, :])  # the units differ by many orders of magnitude
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(even)) / scale[:, None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +95,24 @@ class CameraPrior:
 
     Attributes
     ----------
-    weight : (N, 10) weights of the cameras' freedoms in the loss.
+    weight : (N, 10, 10) weights of the cameras' freedoms in the loss.
     """
 
     weight: np.ndarray
 
     @classmethod
-    def of(cls, deviations: np.ndarray, noise: float = NOISE) -> CameraPrior:
-        """From standard deviations (N, 10); the loss is the squared residual, so its noise is that of a pixel."""
-        return cls(noise**2 / deviations**2)
+    def of(cls, covariances: np.ndarray, noise: float = NOISE) -> CameraPrior:
+        """From covariances (N, 10, 10); the loss is the squared residual, so its noise is that of a pixel."""
+        white = whitening(covariances)
+        return cls(noise**2 * np.matmul(white.transpose(0, 2, 1), white))
+
+    def pull(self, freedoms: np.ndarray) -> np.ndarray:
+        """(N, 10) gradient of its part of the loss at the cameras' freedoms (N, 10)."""
+        return np.asarray(np.matmul(self.weight, freedoms[:, :, None])[:, :, 0])
+
+    def loss(self, freedoms: np.ndarray) -> float:
+        """Its part of the loss."""
+        return 0.5 * float((freedoms * self.pull(freedoms)).sum())
 
 
 def rotations(vectors: np.ndarray) -> np.ndarray:

@@ -95,7 +95,7 @@ def _uncertainty(found: Consistent, rods: Rods) -> Uncertainty:
         float(np.median(found.misfit.total[found.used])),
         presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage)),
         gauge.world_deviation(
-            problem.elastic, problem.level(stage).cameras, problem.deviations, found.holds, problem.foot_deviation
+            problem.elastic, problem.level(stage).cameras, problem.covariances, found.holds, problem.foot_deviation
         ),
     )
 

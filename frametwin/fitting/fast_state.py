@@ -14,8 +14,9 @@ from frametwin.fitting.camera_freedoms import (
     CameraPrior,
     CameraTerms,
     camera_terms,
+    deviations_of,
     pixel_noise,
-    rig_deviations,
+    rig_covariances,
     with_cameras,
 )
 from frametwin.fitting.elastic import ElasticFrame
@@ -45,8 +46,8 @@ class Problem:
     levels : Levels
         Its pictures.
     settings : FastSettings
-    deviations : (N, 10) array
-        How well each camera is known; see `frametwin.fitting.camera_freedoms.rig_deviations`.
+    covariances : (N, 10, 10) array
+        How well each camera is known; see `frametwin.fitting.camera_freedoms.rig_covariances`.
     callback : ProgressCallback or None
         Told of every step.
     """
@@ -55,7 +56,7 @@ class Problem:
     elastic: ElasticFrame
     levels: Levels
     settings: FastSettings
-    deviations: np.ndarray
+    covariances: np.ndarray
     callback: ProgressCallback | None
 
     @classmethod
@@ -69,7 +70,8 @@ class Problem:
     ) -> Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
         levels = Levels(frame, Pyramid(cameras, masks))
-        return cls(frame, ElasticFrame(frame), levels, settings, rig_deviations(cameras, settings.rig_errors), callback)
+        known = rig_covariances(cameras, settings.rig_errors)
+        return cls(frame, ElasticFrame(frame), levels, settings, known, callback)
 
     @property
     def steps(self) -> int:
@@ -89,7 +91,12 @@ class Problem:
     @property
     def prior(self) -> CameraPrior:
         """What is known of the cameras before any picture is looked at."""
-        return CameraPrior.of(self.deviations, self.noise)
+        return CameraPrior.of(self.covariances, self.noise)
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """(N, 10) standard deviations of each camera's freedoms."""
+        return deviations_of(self.covariances)
 
     @property
     def noise(self) -> float:
@@ -112,7 +119,7 @@ class Problem:
 
     def of_views(self, chosen: np.ndarray) -> Problem:
         """The same with some of the views alone."""
-        return replace(self, levels=self.levels.of_views(chosen), deviations=self.deviations[chosen])
+        return replace(self, levels=self.levels.of_views(chosen), covariances=self.covariances[chosen])
 
 
 @dataclass(frozen=True, eq=False)
