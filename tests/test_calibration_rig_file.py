@@ -14,7 +14,7 @@ from camera_cases import LENS
 from frametwin.calibration.uncertainty import point_uncertainty
 from frametwin.cameras import Camera, look_at, packed
 from frametwin.cameras.lens_models import FISHEYE, LENS_KEYS, PERSPECTIVE, project, rays
-from frametwin.cameras.rig_file import Rig, RigCamera, read_rig, write_rig
+from frametwin.cameras.rig_file import DRIFT, Rig, RigCamera, read_rig, write_rig
 from frametwin.capture.transforms import read_cameras
 from frametwin.errors import InputError
 from frametwin.fitting.camera_freedoms import view_motions
@@ -192,10 +192,10 @@ def test_what_is_known_of_a_camera_reaches_the_fit() -> None:
     assert known is not None
     spread = dict(zip(camera.keys, np.sqrt(np.diag(camera.covariance)), strict=True))
     names = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
-    np.testing.assert_allclose(known[:6], [spread[name] for name in names])
-    np.testing.assert_allclose(known[7:], [spread["cx"], spread["cy"], spread["k1"]])
+    np.testing.assert_allclose(known[:6], np.hypot([spread[name] for name in names], DRIFT[:6]))
+    np.testing.assert_allclose(known[7:], np.hypot([spread["cx"], spread["cy"], spread["k1"]], DRIFT[7:]))
     focal = camera.covariance[:2, :2] / np.outer(camera.lens[:2], camera.lens[:2])
-    assert known[6] == pytest.approx(np.sqrt(focal.mean()))
+    assert known[6] == pytest.approx(np.sqrt(focal.mean() + DRIFT[6] ** 2))
     assert some_rig("none").cameras[0].freedoms_covariance is None
     half = camera.as_camera().resized(640, 360)
     np.testing.assert_allclose(half.deviations, known * [*7 * [1.0], 0.5, 0.5, 1.0])
@@ -219,7 +219,7 @@ def test_what_a_rig_knows_of_freedoms_together_is_that_of_the_points_it_sees() -
     by_world = projection_slopes(seen, points)
     by_freedom = np.einsum("nij,njf->nif", by_world, motion)
     assert seen.covariance is not None
-    total = by_freedom @ seen.covariance @ by_freedom.transpose(0, 2, 1)
+    total = by_freedom @ (seen.covariance - np.diag(DRIFT**2)) @ by_freedom.transpose(0, 2, 1)
     np.testing.assert_allclose(np.sqrt(np.linalg.eigvalsh(total)[:, -1]), by_calibration, rtol=1e-4)
 
 

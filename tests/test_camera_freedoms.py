@@ -13,7 +13,6 @@ from frametwin.cameras import packed
 from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting import camera_steps, gauge
 from frametwin.fitting.camera_freedoms import (
-    DRIFT,
     FOCAL,
     FREEDOMS,
     LENS,
@@ -197,12 +196,12 @@ def some_covariance(seed: int) -> np.ndarray:
     return mixed @ mixed.T
 
 
-def test_cameras_are_held_by_their_own_calibration_and_what_drifts_after_it() -> None:
+def test_cameras_are_held_by_their_own_calibration_or_by_the_usual_errors() -> None:
     known = some_covariance(1)
     some, other = ring_rig(np.array([[-50.0, -50.0, 0.0], [50.0, 50.0, 80.0]]), 2, size=(80, 60))
     errors = RigErrors(turn=1.0)
     own, usual = rig_covariances([replace(some, covariance=known), other], errors)
-    np.testing.assert_allclose(own, known + np.diag(DRIFT.deviations() ** 2))
+    np.testing.assert_array_equal(own, known)
     np.testing.assert_allclose(deviations_of(usual), errors.deviations())
 
 

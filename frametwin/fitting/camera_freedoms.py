@@ -66,15 +66,10 @@ class RigErrors:
         return np.array([*3 * [np.deg2rad(self.turn)], *3 * [self.shift], self.focal, *2 * [self.centre], self.lens])
 
 
-DRIFT = RigErrors(turn=0.03, shift=0.2, focal=5e-4, centre=0.3, lens=1e-3)
-"""What comes on top of a calibration's own errors until the print is seen: warmth, a touched table, a creeping focus.
-These are the errors of a good calibration that is repeated."""
-
-
 def rig_covariances(cameras: Sequence[Camera], errors: RigErrors) -> np.ndarray:
-    """Covariances (N, 10, 10) of cameras: their own with `DRIFT`, or where a camera has none, ``errors``."""
-    drift, usual = (np.diag(known.deviations() ** 2) for known in (DRIFT, errors))
-    return np.array([usual if camera.covariance is None else camera.covariance + drift for camera in cameras])
+    """Covariances (N, 10, 10) of cameras: their own, or where a camera has none, ``errors``."""
+    usual = np.diag(errors.deviations() ** 2)
+    return np.array([usual if camera.covariance is None else camera.covariance for camera in cameras])
 
 
 def deviations_of(covariances: np.ndarray) -> np.ndarray:
