@@ -2,9 +2,9 @@
 
 Cameras are told with the errors of a good calibration (0.05 degrees, 0.3 mm), joints have blobs of 1.5 radii, and the
 material differs from print to print by up to 30 % in each of flow, hardening, rest and stiffness along the strut.
-``first`` knows nothing of the material, ``forecast`` what one earlier print of the frame with another seed has told, and
-``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in all of them. The simulated
-print knows nothing of twins or forecasts, and the job sees nothing but pictures.
+``first`` knows nothing of the material, ``forecast`` what an earlier print of the frame with another seed has told, and
+``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in all of them. The
+simulated print knows nothing of twins or forecasts, and the job sees nothing but pictures.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modules beside this one
 
@@ -52,8 +51,7 @@ def printed(frame: Wireframe, order: Path, way: str, seed: int, folder: Path, ma
     """Print a frame once."""
     plan = PlanOptions(**WAYS[way], reprint=True, allow_contact=True, formats=("json",))
     options = SimulationOptions(plan=plan, print=PRINT, rig=RIG, seed=seed)
-    with threadpool_limits(limits=1, user_api="blas"):
-        return simulate_print(folder, frame, options, order=order, material=material).as_dict()
+    return simulate_print(folder, frame, options, order=order, material=material).as_dict()
 
 
 def rows(results: list[dict[str, Any]]) -> list[str]:

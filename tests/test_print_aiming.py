@@ -28,6 +28,7 @@ from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.process.creep import CreepModel, PrintState
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.resizing import resized, suitable_size
 from frametwin.printing.simulation.growth import GrowingPrint
 
 SETTINGS = PrintSettings()
@@ -244,6 +245,25 @@ def test_jobs_of_before_keep_their_forecast(aiming: PrintJob) -> None:
     assert PrintJob(aiming.folder).settings.forecast == "linear"
 
 
+# --- sizes of batches
+
+
+def test_a_batch_is_cut_short_where_joints_drift_and_grows_where_they_stand(sequence: PrintSequence) -> None:
+    assert suitable_size(12, 0.03) == 12
+    assert suitable_size(12, 0.1) == 5 and suitable_size(12, 5.0) == 4 and suitable_size(3, 5.0) == 3
+    assert suitable_size(12, 1e-3) == 24 and suitable_size(30, 0.0) == 30
+    sizes = np.bincount(sequence.batch)
+    for size in (2, int(sizes[3]), int(sizes[3] + 2), int(sizes[3:6].sum() + 1)):
+        other = resized(sequence, 3, size)
+        assert np.array_equal(other.struts, sequence.struts) and np.array_equal(other.start, sequence.start)
+        assert np.array_equal(np.bincount(other.batch)[:4], [*sizes[:3], size])
+        cuts, old = (set(np.flatnonzero(np.diff(one.batch)).tolist()) for one in (other, sequence))
+        last = int(sizes[:3].sum() + size - 1)
+        assert cuts - old <= {last}
+        assert {cut for cut in old if cut > last} <= cuts
+    assert resized(sequence, 3, int(sizes[3])) is sequence
+
+
 # --- what cannot be printed
 
 
@@ -264,11 +284,9 @@ def test_a_strut_that_would_sag_away_is_told_with_what_would_help(tmp_path: Path
     worse = _falls(180.0, soft)
     assert worse is not None and "prop under joint 2" in worse.remedy
     write_material(tmp_path / "soft.json", soft)
-    frame, _ = gallows(180.0)
+    arm = gallows(180.0)[0].subset(np.array([True, True, False]))[0]
     with pytest.raises(InputError, match="strut 1 would sag away.*prop under joint 2"):
-        plan_job(
-            tmp_path / "job", frame, PlanOptions(allow_contact=True, batch_size=1), material=tmp_path / "soft.json"
-        )
+        plan_job(tmp_path / "job", arm, PlanOptions(allow_contact=True, batch_size=1), material=tmp_path / "soft.json")
     assert not (tmp_path / "job").exists()
 
 

@@ -294,6 +294,8 @@ def _continuation(step: AnsweredStep, found: _Found | None, options: AnswerOptio
     adapted, forecast = _compensated(step, found, seen, sequence)
     # Where a strut is to be laid again from the plate, the plate has not moved.
     adapted = feet_on_plate(adapted, step.design, ~adapted.printed_vertices())
+    if forecast is not None and step.settings.resize and batch + 1 < sequence.batch_count:
+        sequence = forecast.following(adapted).resized(sequence, batch + 1)
     return Continuation(adapted, sequence, again, seen, forecast)
 
 

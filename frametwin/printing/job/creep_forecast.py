@@ -13,6 +13,7 @@ from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.process.creep import CreepModel, PrintState
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.resizing import resized, suitable_size
 
 LEAST_TRUST = 0.5
 """Forecasts of the next batch that are trusted less are left to `frametwin.printing.adaptation.anticipation`."""
@@ -89,6 +90,17 @@ class CreepForecast:
         batches = [sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)]
         start = self.design.vertices if targets is None else targets
         return aimed(self.design, self.plan, start, self.fit, state, batches)
+
+    def resized(self, sequence: PrintSequence, batch: int) -> PrintSequence:
+        """The order with as many struts in a batch as suit the drift that is expected while it is laid."""
+        laying = sequence.in_batch(batch)
+        rate = self.drift(laying)
+        if rate is None:
+            return sequence
+        there = self.plan.printed_vertices()[laying.start]
+        fastest = float(np.linalg.norm(rate[laying.start[there]], axis=1).max(initial=0.0))
+        bead = 2.0 * self.fit.model.settings.bead * float(self.design.radius[laying.struts].min())
+        return resized(sequence, batch, suitable_size(len(laying), fastest / bead))
 
     def drift(self, laying: PrintSequence) -> np.ndarray | None:
         """(V, 3) array, mm: expected drift with each strut of the batch; ``None`` where that cannot be told."""

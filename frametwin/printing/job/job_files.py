@@ -74,6 +74,8 @@ class JobSettings:
         (`frametwin.printing.adaptation.compensation`).
     reprint
         Lay lost struts again at the start of the next batch.
+    resize
+        Where a forecast is trusted, give each batch as many struts as suit the drift that is expected while it is laid.
     cameras
         One of `CAMERAS`: ``auto`` finds cameras along with each batch, within the errors of their rig, where the
         pictures ask for it; ``exact`` takes them as they are.
@@ -92,6 +94,7 @@ class JobSettings:
     compensate: bool = False
     forecast: Annotated[str, one_of(FORECASTS)] = "creep"
     reprint: bool = False
+    resize: bool = False
     cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     limits: GuardLimits = field(default_factory=GuardLimits)
 
@@ -116,7 +119,7 @@ class JobSettings:
             If a setting is missing, unknown or of another kind.
         """
         # Jobs that were planned before there were these choices do what they did then.
-        data = {"anticipate": False, "cameras": "exact", "forecast": "linear", **data}
+        data = {"anticipate": False, "cameras": "exact", "forecast": "linear", "resize": False, **data}
         missing = [item.name for item in fields(cls) if item.name not in data]
         if missing:
             raise InputError.at(source, f"settings.{missing[0]}", "is missing", "plan the job again")

@@ -44,7 +44,8 @@ class PlanOptions:
     Attributes
     ----------
     batch_size
-        Struts between two looks of the cameras, about; ``None`` for a twentieth of all, from 4 to 12.
+        Struts between two looks of the cameras, about; ``None`` for a twentieth of all, from 4 to 12, and for more or
+        fewer where a forecast of the print tells that these suit its drift.
     max_tilt_deg
         How far the tool may lean; 0 for machines of three axes.
     allow_contact
@@ -127,6 +128,7 @@ class PlanOptions:
             anticipate=self.adapt and self.anticipate,
             compensate=self.adapt and self.compensate,
             reprint=self.reprint,
+            resize=self.batch_size is None,
             cameras=self.cameras,
             limits=self.limits,
         )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from frametwin.capture.image_files import write_png
 from frametwin.errors import Held, InputError
@@ -167,7 +168,22 @@ def simulate_print(
     options.answer  # noqa: B018  refuses unknown names before anything is done
     job = _job_in(Path(folder), frame, options, order, material, overwrite, progress)
     grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed)
-    held: Held | None = None
+    # The matrices are small: threads of the linear algebra would wait for each other.
+    with threadpool_limits(limits=1, user_api="blas"):
+        held = _go_on(job, grown, options, renderer, progress)
+    seconds = [job.report(batch)["seconds"] for batch in range(job.answered)]
+    twin = tuple(float(item["total"]) if "twin" in item else 0.0 for item in seconds)
+    return SimulatedPrint(job, grown.report(), grown.standing(), tuple(grown.outcomes), twin, held)
+
+
+def _go_on(
+    job: PrintJob,
+    grown: GrowingPrint,
+    options: SimulationOptions,
+    renderer: Renderer | None,
+    progress: ProgressCallback | None,
+) -> Held | None:
+    """Print what is left of the job, after what was printed before; why it was held, if it was."""
     for earlier in range(job.answered):
         _lay(grown, job, earlier)
     while (batch := job.current) is not None and not grown.collapsed:
@@ -176,11 +192,8 @@ def simulate_print(
         try:
             _answer(job, grown, outcome, options, renderer, progress)
         except Held as error:
-            held = error
-            break
-    seconds = [job.report(batch)["seconds"] for batch in range(job.answered)]
-    twin = tuple(float(item["total"]) if "twin" in item else 0.0 for item in seconds)
-    return SimulatedPrint(job, grown.report(), grown.standing(), tuple(grown.outcomes), twin, held)
+            return error
+    return None
 
 
 def _job_in(
