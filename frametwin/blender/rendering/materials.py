@@ -19,6 +19,9 @@ LAYER_STREAK = 0.1
 TABLE_SHINE = 0.1
 """Specular level of the table's paint, 0.5 being that of ordinary plastic."""
 
+PAINT_ROUGHNESS = 0.6
+"""Of things on the table."""
+
 LAYER_DEPTH = 0.3
 """Height of the bumps as a share of the layer height."""
 
@@ -93,6 +96,15 @@ def fill_table(material: bpy.types.Material, look: PhotoLook, bright: float, dar
     shine.operation, shine.inputs[1].default_value = "MULTIPLY", TABLE_SHINE
     tree.links.new(fade.outputs[0], shine.inputs[0])
     tree.links.new(shine.outputs[0], shader.inputs["Specular IOR Level"])
+
+
+def fill_paint(material: bpy.types.Material, colour: tuple[float, float, float]) -> None:
+    """Matte paint of one colour."""
+    tree = node_tree(material)
+    shader, output = _nodes(tree, "ShaderNodeBsdfPrincipled", "ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    shader.inputs["Base Color"].default_value = (*colour, 1.0)
+    shader.inputs["Roughness"].default_value = PAINT_ROUGHNESS
 
 
 def fill_surroundings(world: bpy.types.World, fill: float) -> None:
