@@ -25,6 +25,9 @@ SOFT_LIGHT = 0.5
 FEET, FEET_ROOM = 8.0, 6.0
 """Height up to which struts throw shadows with edges, and what these are given on all sides; in strut radii."""
 
+SEAM = 16.0
+"""Pixels over which the finer picture of the feet goes over into the coarse one."""
+
 DARK = 1e-4
 """Light below which a share of it says nothing."""
 
@@ -87,13 +90,20 @@ def _shading(stage: PhotoStage, camera: Camera, shot: Shot, empty: np.ndarray) -
         # What the surroundings give there, at the size of the part.
         there = resized(empty, camera.width, camera.height)[_slice(near)]
         fine_share = _share(shot(view), resized(there, view.width, view.height))
-        share[_slice(near)] = resized(fine_share, right - left, bottom - top)
+        mix, part = _feather(right - left, bottom - top), share[_slice(near)]
+        part += mix * (resized(fine_share, right - left, bottom - top) - part)
     stage.show()
     return share
 
 
 def _share(with_print: np.ndarray, empty: np.ndarray) -> np.ndarray:
     return np.where(empty > DARK, with_print[..., :3] / np.maximum(empty, DARK), 1.0).clip(0.0, 2.0)
+
+
+def _feather(width: int, height: int) -> np.ndarray:
+    """Weights (H, W, 1) of a part of a picture: 1 inside, falling to 0 towards its edges."""
+    x, y = (np.minimum(np.arange(side) + 0.5, side - 0.5 - np.arange(side)) / SEAM for side in (width, height))
+    return np.minimum(np.minimum(x[None], y[:, None]), 1.0)[..., None].astype(np.float32)
 
 
 def _feet(stage: PhotoStage) -> np.ndarray:
