@@ -9,8 +9,9 @@ import numpy as np
 
 from frametwin.cameras.camera import DISTORTION_KEYS
 from frametwin.dataset.recipe import Deformation, Printing, Render, Rig
-from frametwin.dataset.recipe_looks import PLASTICS, TABLES, Errors, Lens, Look
+from frametwin.dataset.recipe_looks import PLASTICS, TABLES, Calibration, Errors, Lens, Look
 from frametwin.dataset.specification_values import (
+    CalibrationValues,
     DeformationValues,
     ErrorValues,
     LensValues,
@@ -82,6 +83,18 @@ def _draw_lens(rng: np.random.Generator, table: Lens, views: int) -> LensValues:
     keys = DISTORTION_KEYS[table.model]
     drawn = tuple(tuple(uniform(rng, getattr(table, key)) for key in keys) for _ in range(views))
     return LensValues(model=table.model, coefficients=drawn)
+
+
+def draw_calibration(rng: np.random.Generator, table: Calibration) -> CalibrationValues:
+    """The boards that are photographed."""
+    return CalibrationValues(
+        board=table.board,
+        block=table.block,
+        turn_deg=float(f"{uniform(rng, table.block_turn_deg):.1f}"),
+        lens_pictures=table.lens_pictures,
+        moments=table.moments,
+        seed=seed_of(rng),
+    )
 
 
 def draw_errors(rng: np.random.Generator, table: Errors, views: int) -> ErrorValues:

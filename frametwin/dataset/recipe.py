@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from frametwin.dataset.recipe_looks import Errors, Lens, Look
+from frametwin.dataset.recipe_looks import Calibration, Errors, Lens, Look
 from frametwin.dataset.recipe_values import (
     Count,
     Degrees,
@@ -200,7 +200,14 @@ class Recipe(Table):
     printing: Printing = Printing()
     rig: Rig = Rig()
     errors: Errors | None = None
+    calibration: Calibration | None = None
     render: Render = Render()
+
+    @model_validator(mode="after")
+    def _boards_need_blender(self) -> Recipe:
+        if self.calibration is not None and self.render.style == LIBRARY_RENDERER:
+            raise Refused("take the style 'mask' or 'photo', or leave it out", "[calibration] is made by Blender")
+        return self
 
     @model_validator(mode="after")
     def _lens_is_rendered(self) -> Recipe:

@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from frametwin.calibration.boards import parse_board
 from frametwin.dataset.recipe_values import Count, Degrees, Millimetres, Range, Refused, Share, Table, limits
+from frametwin.errors import InputError
 
 PLASTICS: dict[str, tuple[float, float, float]] = {
     "white": (0.80, 0.80, 0.78),
@@ -96,6 +98,36 @@ class Lens(Table):
         given = sorted(strange & self.model_fields_set)
         if given:
             raise Refused(f"remove {', '.join(given)}", f"the model {self.model} has no {' and '.join(given)}")
+        return self
+
+
+class Calibration(Table):
+    """``[calibration]``: photographs of a board and a block by the sample's own cameras, made by Blender.
+
+    Attributes
+    ----------
+    board, block : as ``frametwin calibrate`` has them on its command line; the block is a cuboid.
+    block_turn_deg : how the block is turned about the vertical; it stands in the middle of the print's place.
+    lens_pictures : of the board before each camera.
+    moments : at which all cameras see the board.
+    """
+
+    board: str = "charuco:7x5:24:18:4X4_250"
+    block: str = "cuboid:50x60x70:14:10:4X4_100"
+    block_turn_deg: Degrees = (0.0, 360.0)
+    lens_pictures: int = Field(default=16, ge=3, le=200, strict=True)
+    moments: int = Field(default=12, ge=1, le=200, strict=True)
+
+    @model_validator(mode="after")
+    def _boards_are_boards(self) -> Calibration:
+        for field, text in (("board", self.board), ("block", self.block)):
+            try:
+                board = parse_board(text)
+            except InputError as error:
+                raise Refused(error.remedy, f"{field} {text!r} {error.problem}") from error
+            if (board.kind == "cuboid") != (field == "block"):
+                wanted = "a cuboid, as cuboid:50x60x70" if field == "block" else "a flat board, as charuco:7x5:24:18"
+                raise Refused(f"give {wanted}", f"{field} is {text!r}")
         return self
 
 

@@ -20,10 +20,12 @@ from filelock import FileLock, Timeout
 
 from frametwin import __version__
 from frametwin.cameras.lens_warp import lens_warp
+from frametwin.capture.board_scene import BOARDS_FILE, read_board_scene, write_board_scene
 from frametwin.capture.capture import write_description
 from frametwin.capture.image_files import write_png
 from frametwin.capture.scene import PhotoLook, Scene, write_scene
 from frametwin.dataset import folder as folders
+from frametwin.dataset.calibration_shots import TRUTH_FILE, calibration_scene
 from frametwin.dataset.camera_errors import TRUE_FILE, true_cameras_file
 from frametwin.dataset.croissant import write_croissant
 from frametwin.dataset.prints import SamplePrint, make_print
@@ -292,6 +294,11 @@ class DatasetRun:
             _draw(stage, scene, progress)
         else:
             write_scene(stage / SCENE_FILE, scene)
+        if specification.calibration is not None:
+            boards, known = calibration_scene(specification.calibration, made.plan, cameras)
+            write_board_scene(stage / BOARDS_FILE, boards)
+            (stage / TRUTH_FILE).parent.mkdir()
+            write_json(stage / TRUTH_FILE, known)
         return stage
 
     def finish(self, index: int, made_with: dict[str, Any] | None = None) -> str:
@@ -309,11 +316,11 @@ class DatasetRun:
         stage = self.stage(index)
         scene = stage / SCENE_FILE
         scene.unlink(missing_ok=True)
-        missing = [
-            name
-            for view in read_json(stage / "transforms.json")["frames"]
-            if not (stage / (name := view["file_path"])).is_file()
-        ]
+        boards = stage / BOARDS_FILE
+        shots = [shot.file for shot in read_board_scene(boards).shots] if boards.is_file() else []
+        boards.unlink(missing_ok=True)
+        pictures = [view["file_path"] for view in read_json(stage / "transforms.json")["frames"]]
+        missing = [name for name in [*pictures, *shots] if not (stage / name).is_file()]
         if missing:
             raise InputError.at(self.folder(index), missing[0], "was not rendered", "see what Blender said, try again")
         content = folders.write_sample_json(

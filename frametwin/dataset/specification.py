@@ -13,7 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from frametwin.capture.transforms import read_cameras
-from frametwin.dataset.drawing import draw_deformation, draw_errors, draw_printing, draw_render, draw_rig, weighted
+from frametwin.dataset.drawing import (
+    draw_calibration,
+    draw_deformation,
+    draw_errors,
+    draw_printing,
+    draw_render,
+    draw_rig,
+    weighted,
+)
 from frametwin.dataset.recipe import Deformation, RecipeFile
 from frametwin.dataset.specification_values import Specification
 from frametwin.errors import InputError
@@ -22,7 +30,7 @@ from frametwin.formats import find_frame, frame_json
 from frametwin.geometry.parametric import FRAMES
 from frametwin.geometry.wireframe import Wireframe
 
-PARTS = ("frame", "deformation", "printing", "rig", "look", "lens", "errors")
+PARTS = ("frame", "deformation", "printing", "rig", "look", "lens", "errors", "calibration")
 """The streams, in the order in which they are spawned."""
 
 
@@ -82,6 +90,7 @@ class Sampler:
         deformation = self.recipe.deformations[choice]
         frame, digest, radius = self._choose_frame(rng["frame"], deformation)
         views = self.recipe.rig.views[index % variants] if self._file_views is None else self._file_views
+        boards = self.recipe.calibration
         return Specification(
             index=index,
             scene=scene,
@@ -94,6 +103,7 @@ class Sampler:
             rig_sha256=None if self.rig_file is None else self.rig_file[1],
             render=draw_render(rng["look"], self.recipe.render, views),
             errors=None if self.recipe.errors is None else draw_errors(rng["errors"], self.recipe.errors, views),
+            calibration=None if boards is None else draw_calibration(rng["calibration"], boards),
         )
 
     def plan(self, specification: Specification) -> Wireframe:

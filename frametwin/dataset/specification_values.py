@@ -78,6 +78,17 @@ class ErrorValues(_Values):
     seed: int
 
 
+class CalibrationValues(_Values):
+    """Of one sample; see `frametwin.dataset.recipe_looks.Calibration`."""
+
+    board: str
+    block: str
+    turn_deg: float
+    lens_pictures: int
+    moments: int
+    seed: int
+
+
 class RenderValues(_Values):
     """Of one sample; see `frametwin.dataset.recipe.Render`."""
 
@@ -96,6 +107,7 @@ class Specification(_Values):
     frame, frame_sha256 : the plan (or the .blend file that holds it) and the hash of its content.
     radius : strut radius in mm in place of the frame's own.
     rig_sha256 : hash of the file with the cameras, where there is one.
+    calibration : pictures of boards beside the print's, where the recipe wants them.
     errors : how the stated cameras differ from the true ones, where the recipe wants that.
     """
 
@@ -110,10 +122,11 @@ class Specification(_Values):
     rig_sha256: str | None
     render: RenderValues
     errors: ErrorValues | None = None
+    calibration: CalibrationValues | None = None
 
     @model_serializer(mode="wrap")
     def _as_before(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without_none(handler(self), "errors")
+        return _without_none(_without_none(handler(self), "errors"), "calibration")
 
 
 def _without_none(values: dict[str, Any], name: str) -> dict[str, Any]:

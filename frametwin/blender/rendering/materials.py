@@ -107,6 +107,23 @@ def fill_paint(material: bpy.types.Material, colour: tuple[float, float, float])
     shader.inputs["Roughness"].default_value = PAINT_ROUGHNESS
 
 
+def fill_matte(material: bpy.types.Material, grey: float) -> None:
+    """A perfectly matte surface of one grey, as paper and ink."""
+    tree = node_tree(material)
+    shader, output = _nodes(tree, "ShaderNodeBsdfDiffuse", "ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    shader.inputs["Color"].default_value = (grey, grey, grey, 1.0)
+
+
+def fill_even(world: bpy.types.World, light: float) -> None:
+    """The same light from everywhere."""
+    tree = node_tree(world)
+    background, output = _nodes(tree, "ShaderNodeBackground", "ShaderNodeOutputWorld")
+    background.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    background.inputs["Strength"].default_value = light
+    tree.links.new(background.outputs[0], output.inputs["Surface"])
+
+
 def fill_surroundings(world: bpy.types.World, fill: float) -> None:
     """Even light from everywhere, though black where the camera looks at it."""
     world.color = (0.0, 0.0, 0.0)

@@ -69,11 +69,21 @@ class RenderJob:
         For a lens that distorts also how its picture comes from the pinhole camera's that the scene looks through.
         """
         for i, camera in enumerate(self.private.content.cameras):
-            report(self.progress, Progress("rendering", self.done, self.total))
+            self.report_progress()
             warp = lens_warp(camera, finer) if camera.has_distortion else None
             self.private.look_through(camera if warp is None else warp.pinhole)
             yield i, camera, warp
             self.done += pictures
+
+    def report_progress(self) -> None:
+        """Tell how many pictures are done.
+
+        Raises
+        ------
+        Cancelled
+            If the listener says so.
+        """
+        report(self.progress, Progress("rendering", self.done, self.total))
 
     def render(self, suffix: str) -> Path:
         """Render the scene as it is set; the file that Blender wrote."""
