@@ -1,7 +1,7 @@
 """Calibration pictures of a sample: boards held before each camera, boards that all see, and the block at its place.
 
-They lie in folders as ``frametwin calibrate`` wants them: ``calibration/lenses/CAMERA/``, ``calibration/moments/CAMERA/``
-and ``calibration/block/CAMERA/``; what is true of them is in ``calibration/truth.json``.
+They lie in folders as ``frametwin calibrate`` wants them, ``calibration/STEP/CAMERA/`` with the steps ``lenses``,
+``moments`` and ``block``; what is true of them is in ``calibration/truth.json``.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def calibration_scene(
     rng = np.random.default_rng([values.seed, 4])
     shots = [
         *_lens_shots(values, board, cameras, rng),
-        *_moment_shots(values, np.array(at[:3]) + (0.0, 0.0, 0.5 * (high[2] - low[2])), cameras, rng),
+        *_moment_shots(values, np.array([*at[:2], 0.5 * (low[2] + high[2])]), cameras, rng),
         *(_shot("block", camera, "block", standing_at(at), rng) for camera in cameras),
     ]
     truth = {
@@ -89,9 +89,8 @@ def body_of(board: Board) -> Body:
 def _placed(rectangles: Floats, height: float, pose: Floats) -> Floats:
     """Corners (N, 4, 3) of rectangles (N, 4) left, bottom, right, top, at a height over a face."""
     left, bottom, right, top = rectangles.T
-    flat = np.stack(
-        [np.stack(corner, axis=1) for corner in ((left, bottom), (right, bottom), (right, top), (left, top))]
-    )
+    around = ((left, bottom), (right, bottom), (right, top), (left, top))
+    flat = np.stack([np.stack(corner, axis=1) for corner in around])
     corners = np.concatenate([flat, np.full((*flat.shape[:2], 1), height)], axis=2).transpose(1, 0, 2)
     return np.asarray(corners @ pose[:3, :3].T + pose[:3, 3])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -267,6 +267,34 @@ def parse_recipe(data: dict[str, Any], path: PathLike) -> Recipe:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise InputError.at(path, _field(first["loc"]), *_problem(first)) from error
+
+
+def as_noted(table: Table, noted: Mapping[str, Any], apart: Collection[str] = ()) -> bool:
+    """Whether a recipe, or a table of it, is the one that a dataset has noted as JSON.
+
+    Parameters
+    ----------
+    table
+        What is wanted now.
+    noted
+        What was written, maybe by a version that lacked some fields: those are as if they stood there by default.
+    apart
+        Fields that do not count.
+    """
+    plain, kinds = table.model_dump(mode="json"), type(table).model_fields
+    for name, kind in kinds.items():
+        value = getattr(table, name)
+        if name in apart:
+            continue
+        if name not in noted:
+            same = value == kind.get_default(call_default_factory=True)
+        elif isinstance(value, Table) and isinstance(noted[name], Mapping):
+            same = as_noted(value, noted[name])
+        else:
+            same = plain[name] == noted[name]
+        if not same:
+            return False
+    return noted.keys() <= kinds.keys()
 
 
 def _field(location: Sequence[int | str]) -> str:

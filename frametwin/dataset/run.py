@@ -29,7 +29,7 @@ from frametwin.dataset.calibration_shots import TRUTH_FILE, calibration_scene
 from frametwin.dataset.camera_errors import TRUE_FILE, true_cameras_file
 from frametwin.dataset.croissant import write_croissant
 from frametwin.dataset.prints import SamplePrint, make_print
-from frametwin.dataset.recipe import FORMAT, LIBRARY_RENDERER, RecipeFile, parse_recipe, read_recipe
+from frametwin.dataset.recipe import FORMAT, LIBRARY_RENDERER, RecipeFile, as_noted, read_recipe
 from frametwin.dataset.specification import Sampler
 from frametwin.dataset.specification_values import Specification
 from frametwin.errors import FrameTwinError, InputError
@@ -124,12 +124,7 @@ class DatasetRun:
             known = self._known()
             if known.seed != self.seed:
                 return "samples of another seed"
-            try:
-                # Read anew: recipes written by an earlier version lack what has been added since.
-                begun = parse_recipe(dict(known.recipe), self.out / folders.DATASET_FILE)
-            except InputError:
-                return "samples of another recipe"
-            same = begun.model_dump(exclude={"count"}) == self.recipe.model_dump(exclude={"count"})
+            same = as_noted(self.recipe, known.recipe, apart={"count"})
             return None if same else "samples of another recipe"
         copy = self.out / RECIPE_COPY
         if not copy.is_file() or copy.read_bytes() != self.source.path.read_bytes():
