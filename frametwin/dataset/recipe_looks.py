@@ -71,7 +71,7 @@ class Look(Table):
     vignetting: Annotated[Range, limits(0.0, 0.9)] = (0.0, 0.0)
     electrons: Annotated[Range, limits(100.0, 1e6)] = (6000.0, 12000.0)
     read_noise: Annotated[Range, limits(0.0, 1000.0)] = (8.0, 16.0)
-    samples: int = Field(default=4, ge=1, le=4096, strict=True)
+    samples: int = Field(default=6, ge=1, le=4096, strict=True)
     layered: bool = Field(default=True, strict=True)
 
 

@@ -31,8 +31,12 @@ SEAM = 16.0
 DARK = 1e-4
 """Light below which a share of it says nothing."""
 
-Shot = Callable[[Camera], np.ndarray]
-"""Renders the scene as it is set: linear light (H, W, 4), of the colours already times their coverage."""
+Shot = Callable[[Camera, float], np.ndarray]
+"""Renders the scene as it is set, with a share of the samples: linear light (H, W, 4), whose colours are already times
+their coverage."""
+
+SMOOTH = 0.5
+"""Share of the samples that smooth layers get: the denoiser needs no more there."""
 
 Box = tuple[int, int, int, int]
 """First column and row, and those behind the last."""
@@ -55,8 +59,8 @@ def layered_light(stage: PhotoStage, camera: Camera, shot: Shot) -> tuple[np.nda
     struts.hide_render = True
     coarse = coarser(camera, COARSE)
     # Of things with edges a finer picture is taken; shares of light need the coarse one.
-    empty = shot(coarse)[..., :3]
-    behind = shot(coarser(camera, FINE))[..., :3] if look.clutter else empty
+    empty = shot(coarse, SMOOTH)[..., :3]
+    behind = shot(coarser(camera, FINE), SMOOTH)[..., :3] if look.clutter else empty
     struts.hide_render = False
     without = resized(behind, camera.width, camera.height)
     vertices = stage.private.mesh.vertices
@@ -65,7 +69,7 @@ def layered_light(stage: PhotoStage, camera: Camera, shot: Shot) -> tuple[np.nda
         return without, without
     light = without * _shading(stage, camera, shot, empty)
     stage.show(surroundings=False)
-    layer = shot(cropped(camera, covered))
+    layer = shot(cropped(camera, covered), 1.0)
     stage.show()
     part = _slice(covered)
     light[part] = light[part] * (1.0 - layer[..., 3:]) + layer[..., :3]
@@ -77,10 +81,10 @@ def _shading(stage: PhotoStage, camera: Camera, shot: Shot, empty: np.ndarray) -
     soft = stage.private.content.look.light_side >= SOFT_LIGHT
     stage.show(print_=False)
     if soft:
-        share = resized(_share(shot(coarser(camera, COARSE)), empty), camera.width, camera.height)
+        share = resized(_share(shot(coarser(camera, COARSE), SMOOTH), empty), camera.width, camera.height)
     else:
         fine = coarser(camera, FINE)
-        share = _share(shot(fine), resized(empty, fine.width, fine.height))
+        share = _share(shot(fine, SMOOTH), resized(empty, fine.width, fine.height))
         share = resized(share, camera.width, camera.height)
     feet = _feet(stage)
     near = box_of(camera, feet, margin=2.0) if soft and len(feet) else None
@@ -89,7 +93,7 @@ def _shading(stage: PhotoStage, camera: Camera, shot: Shot, empty: np.ndarray) -
         view = coarser(cropped(camera, near), FINE)
         # What the surroundings give there, at the size of the part.
         there = resized(empty, camera.width, camera.height)[_slice(near)]
-        fine_share = _share(shot(view), resized(there, view.width, view.height))
+        fine_share = _share(shot(view, SMOOTH), resized(there, view.width, view.height))
         mix, part = _feather(right - left, bottom - top), share[_slice(near)]
         part += mix * (resized(fine_share, right - left, bottom - top) - part)
     stage.show()

@@ -40,8 +40,9 @@ def render_photos(job: RenderJob, folder: Path, background: Path) -> None:
     versions.write_still_images(image, "OPEN_EXR")
     image.color_mode, image.color_depth, image.exr_codec = "RGBA", "32", "NONE"
 
-    def shot(view: Camera) -> np.ndarray:
+    def shot(view: Camera, share: float) -> np.ndarray:
         job.private.look_through(view)
+        scene.cycles.samples = max(1, round(share * samples))
         return read_light(job.render(".exr"), channels=4)
 
     for i, camera, warp in job.views(pictures=2):
@@ -78,11 +79,11 @@ def _two_lights(stage: PhotoStage, camera: Camera, shot: Shot, seeds: list[int])
         if not look.reference_turn:
             return light, without
     else:
-        light = shot(camera)[..., :3]
+        light = shot(camera, 1.0)[..., :3]
     scene.cycles.seed = seeds[1]
     struts.hide_render = True
     stage.turn_lamps(look.light_azimuth + look.reference_turn)
-    without = shot(camera)[..., :3]
+    without = shot(camera, 1.0)[..., :3]
     stage.turn_lamps(look.light_azimuth)
     struts.hide_render = False
     return light, without
