@@ -284,11 +284,11 @@ class TestPage:
 
 
 def test_readme_and_figures_show_what_the_evidence_says(tmp_path: Path) -> None:
-    for page in PAGES:
-        text = page.read_text(encoding="utf-8")
-        assert filled(text, json.loads(EVIDENCE.read_text(encoding="utf-8"))["records"], page) == text
+    for path in PAGES:
+        text = path.read_text(encoding="utf-8")
+        assert filled(text, json.loads(EVIDENCE.read_text(encoding="utf-8"))["records"], path) == text
         assert any(BEGIN.format(name) in text for name in TABLES)
-        (tmp_path / page.name).write_text(text, encoding="utf-8")
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
     # Another result changes both pages.
     data = json.loads(EVIDENCE.read_text(encoding="utf-8"))
     for record in data["records"]:
@@ -296,7 +296,7 @@ def test_readme_and_figures_show_what_the_evidence_says(tmp_path: Path) -> None:
             record["result"]["after"]["curves"] = {"mean": 0.1234, "p95": 0.2, "max": 7.891}
     other = tmp_path / "evidence.json"
     other.write_text(json.dumps(data), encoding="utf-8")
-    copies = [tmp_path / page.name for page in PAGES]
+    copies = [tmp_path / path.name for path in PAGES]
     assert fill_pages(other, copies) == copies
     assert all("0.123 / 7.89" in copy.read_text(encoding="utf-8") for copy in copies)
     assert fill_pages(other, copies) == []

@@ -54,15 +54,7 @@ def layered_light(stage: PhotoStage, camera: Camera, shot: Shot) -> tuple[np.nda
     shot
         The renderer.
     """
-    struts, look = stage.private.struts, stage.private.content.look
-    stage.show()
-    struts.hide_render = True
-    coarse = coarser(camera, COARSE)
-    # Of things with edges a finer picture is taken; shares of light need the coarse one.
-    empty = shot(coarse, SMOOTH)[..., :3]
-    behind = shot(coarser(camera, FINE), SMOOTH)[..., :3] if look.clutter else empty
-    struts.hide_render = False
-    without = resized(behind, camera.width, camera.height)
+    empty, without = light_without_print(stage, camera, shot)
     vertices = stage.private.mesh.vertices
     covered = box_of(camera, vertices, margin=2.0)
     if covered is None:
@@ -74,6 +66,24 @@ def layered_light(stage: PhotoStage, camera: Camera, shot: Shot) -> tuple[np.nda
     part = _slice(covered)
     light[part] = light[part] * (1.0 - layer[..., 3:]) + layer[..., :3]
     return light, without
+
+
+def light_without_print(stage: PhotoStage, camera: Camera, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
+    """Linear light of the surroundings alone, coarse (h, w, 3) and as the camera sees it (H, W, 3).
+
+    Parameters
+    ----------
+    stage, camera, shot
+        See `layered_light`.
+    """
+    struts = stage.private.struts
+    stage.show()
+    struts.hide_render = True
+    empty = shot(coarser(camera, COARSE), SMOOTH)[..., :3]
+    # Things that stand about have edges; shares of light need the coarse picture all the same.
+    fine = shot(coarser(camera, FINE), SMOOTH)[..., :3] if stage.clutter else empty
+    struts.hide_render = False
+    return empty, resized(fine, camera.width, camera.height)
 
 
 def _shading(stage: PhotoStage, camera: Camera, shot: Shot, empty: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from frametwin.capture.scene import PhotoLook
 TABLE_REACH = (1.2, 3.0)
 """Distances from the middle of the table, in sizes of the frame, up to which it is lit and from which it is black."""
 
-BALL_RINGS, SIDES = 12, 24
+BALL, BALL_RINGS, SIDES = 2, 12, 24
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,8 @@ class PhotoStage:
         points, faces = SHAPES[shape]()
         thing = self._add_mesh((points * (width, width, height) * self.size).tolist(), faces)
         materials.fill_paint(thing.data.materials[0], tuple(colour))
+        if shape == BALL:
+            thing.data.shade_smooth()
         thing.location = self.ground + self.size * np.array([x, y, 0.0])
         thing.rotation_euler = (0.0, 0.0, np.radians(turn))
         return thing

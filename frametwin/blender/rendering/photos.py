@@ -9,7 +9,7 @@ import numpy as np
 
 from frametwin.blender.rendering import engines, versions
 from frametwin.blender.rendering.optics import through_lens, view_look
-from frametwin.blender.rendering.photo_layers import Shot, layered_light
+from frametwin.blender.rendering.photo_layers import Shot, layered_light, light_without_print
 from frametwin.blender.rendering.photo_stage import PhotoStage
 from frametwin.blender.rendering.render_job import RenderJob
 from frametwin.blender.rendering.sensor import expose
@@ -81,11 +81,14 @@ def _two_lights(stage: PhotoStage, camera: Camera, shot: Shot, seeds: list[int])
     else:
         light = shot(camera, 1.0)[..., :3]
     scene.cycles.seed = seeds[1]
-    struts.hide_render = True
     stage.turn_lamps(look.light_azimuth + look.reference_turn)
-    without = shot(camera, 1.0)[..., :3]
+    if look.layered:
+        _, without = light_without_print(stage, camera, shot)
+    else:
+        struts.hide_render = True
+        without = shot(camera, 1.0)[..., :3]
+        struts.hide_render = False
     stage.turn_lamps(look.light_azimuth)
-    struts.hide_render = False
     return light, without
 
 
