@@ -96,7 +96,7 @@ def lens_warp(camera: Camera, finer: float = 1.0) -> LensWarp:
         cy=-low[1],
         distortion=np.zeros(5),
         model=PERSPECTIVE,
-        deviations=None,
+        covariance=None,
     )
     places = plane * focal - low
     across, down = _weights(nodes_x, camera.width), _weights(nodes_y, camera.height)

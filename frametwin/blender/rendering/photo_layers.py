@@ -1,4 +1,4 @@
-"""Photos rendered in layers, in about a fifth of the time: what is smooth is rendered coarsely, and print alone finely.
+"""Photos rendered in layers, in a fifth of the time: what is smooth is rendered coarsely, and print alone finely.
 
 Three layers are put together. The surroundings without the print are smooth, for the lamps are soft and the table is
 painted evenly. How much the print darkens and brightens them is smooth too, but for the shadows at its feet, which
