@@ -9,15 +9,19 @@ import numpy as np
 import pytest
 
 from frametwin.cameras import Camera
-from frametwin.capture.capture import read_capture
+from frametwin.cameras.rigs import ring_rig
+from frametwin.capture.capture import read_capture, write_capture
 from frametwin.capture.scene import PhotoLook
 from frametwin.dataset.camera_errors import with_true_cameras
+from frametwin.dataset.contrast_checks import contrast_problems, is_hard, is_indistinct
 from frametwin.dataset.folder import read_dataset, read_sample
 from frametwin.dataset.generate import generate
 from frametwin.dataset.recipe import read_recipe
 from frametwin.dataset.sample_arrays import sample_arrays
 from frametwin.dataset.specification import Sampler
 from frametwin.dataset.validate import validate_dataset
+from frametwin.geometry.parametric import named_frame
+from frametwin.raster.silhouette import silhouettes
 
 HEAD = """
 format = "frametwin-recipe"
@@ -149,3 +153,31 @@ def test_other_looks_show_the_same_prints(tmp_path: Path) -> None:
         one, other = plain.specification(index), varied.specification(index)
         assert (one.frame, one.deformation, one.printing) == (other.frame, other.deformation, other.printing)
         assert one.rig.seed == other.rig.seed
+
+
+@pytest.mark.parametrize(("shift", "fine"), [(0, True), (25, False)])
+def test_coloured_prints_are_compared_by_contrast(shift: int, fine: bool, tmp_path: Path) -> None:
+    frame = named_frame("bridge")
+    cameras = ring_rig(frame, 2, size=(240, 320))
+    exact = silhouettes(frame, cameras)
+    rng = np.random.default_rng(2)
+    pictures = {}
+    for kind, exposure in (("images", 0.8), ("background", 1.0)):
+        pictures[kind] = []
+        for mask in exact:
+            table = np.linspace(20.0, 90.0, 320)[None, :, None] * (0.9, 0.6, 0.4)
+            share = np.roll(mask, shift, axis=1)[..., None] / (255.0 if kind == "images" else np.inf)
+            picture = exposure * (table * (1.0 - share) + share * np.array([10.0, 95.0, 40.0]))
+            pictures[kind].append(np.clip(picture + rng.normal(0.0, 2.0, picture.shape), 0, 255).astype(np.uint8))
+    folder = tmp_path / "capture"
+    write_capture(folder, frame, cameras, pictures["images"], backgrounds=pictures["background"])
+    for view, mask in zip(read_capture(folder).views, exact, strict=True):
+        assert (contrast_problems(view, mask) == []) == fine
+
+
+def test_what_the_papers_rule_is_made_for_is_no_hard_look() -> None:
+    natural = {"strut_colour": [0.78, 0.78, 0.76], "table_colour": [0.006, 0.035, 0.2], "view_exposures": []}
+    assert not is_hard(natural) and not is_hard({})
+    assert is_hard({**natural, "strut_colour": [0.7, 0.2, 0.03]}) and is_hard({**natural, "reference_turn": 3.0})
+    assert is_indistinct({"strut_colour": [0.012, 0.012, 0.013], "table_colour": [0.01, 0.01, 0.01]})
+    assert not is_indistinct(natural)

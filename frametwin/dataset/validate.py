@@ -160,7 +160,8 @@ def validate_sample(folder: Path) -> list[str]:
         truth = truth.replace(printed=capture.frame.printed)
         curves, wrong = read_true_curves(capture, truth)
         problems += wrong
-        problems += check_pictures(capture, truth, curves)
+        look = read_sample(folder).specification.get("render", {}).get("look")
+        problems += check_pictures(capture, truth, curves, look)
         return problems + check_passes(capture, curves)
     except FrameTwinError as error:
         return [*problems, str(error)]
