@@ -10,11 +10,13 @@ from typing import Annotated, Any
 import numpy as np
 
 from frametwin.cameras import Camera
+from frametwin.cameras.rig_file import FILE_NAME as RIG_FILE
+from frametwin.cameras.rig_file import Rig, RigCamera, rig_data
 from frametwin.cameras.rigs import ring_rig
 from frametwin.capture.capture import write_capture, write_description
 from frametwin.capture.scene import PhotoLook, Scene
 from frametwin.errors import InputError
-from frametwin.files import staged_directory
+from frametwin.files import staged_directory, write_json
 from frametwin.geometry.wireframe import Wireframe, straight_control_points
 from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.printing.simulation.outcome import Standing
@@ -103,6 +105,26 @@ class SimulatedRig:
         rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
         return tuple(_misplaced(camera, rng, self.turn_error, self.shift_error) for camera in cameras)
 
+    def _calibrated(self, told: Sequence[Camera]) -> Rig:
+        """The rig of a calibration that knows how well it has done: poses err by so much, lenses do not."""
+        turn, shift = np.radians(self.turn_error) / np.sqrt(3.0), self.shift_error / np.sqrt(3.0)
+        covariance = np.diag([*np.zeros(9), *3 * [turn**2], *3 * [shift**2]])
+        return Rig(
+            tuple(
+                RigCamera(
+                    camera.name,
+                    camera.width,
+                    camera.height,
+                    camera.model,
+                    np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *camera.distortion]),
+                    np.array(camera.camera_to_world),
+                    covariance,
+                )
+                for camera in told
+            ),
+            world="robot",
+        )
+
     def take(
         self,
         folder: Path,
@@ -144,6 +166,8 @@ class SimulatedRig:
             pictures = silhouettes(seen, cameras, progress=progress)
             write_capture(folder, pictured, cameras if told is None else told, pictures)
             (folder / FRAME).unlink()  # it tells what really stands
+            if told is not None and (self.turn_error or self.shift_error):
+                write_json(folder / RIG_FILE, rig_data(self._calibrated(told)))
             return True
         assert renderer is not None  # as `require` saw to
         look = PhotoLook(samples=self.samples, seed=seed)
