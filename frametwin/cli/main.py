@@ -19,6 +19,7 @@ COMMANDS = (
     "capture",
     "mask",
     "fit",
+    "track",
     "evaluate",
     "report",
     "print",

@@ -17,6 +17,9 @@ PLAIN = 0.2
 BRIGHT, DARK = 0.6, 0.4
 """Share of a piece's pixels that are white, above which it is there, and below which it is not."""
 
+WHITE = 0.8
+"""The same share from which a piece is believed where an arm is known to be in the view."""
+
 MOST_DARK = 0.7
 """A piece is gone if it is dark in so large a share of the views that have it in plain view."""
 
@@ -87,3 +90,9 @@ class Evidence:
         """(N, E, P) bool: pieces that are dark in a view while most others show them."""
         bright, dark = self.votes
         return self.plain & (self.white < DARK) & ((bright >= FEWEST) & (bright > dark))
+
+    @property
+    def doubtful(self) -> np.ndarray:
+        """(N, E, P) bool: pieces that are not quite white in a view while some others show them."""
+        bright, _ = self.votes
+        return self.plain & (self.white < WHITE) & (bright >= FEWEST)

@@ -89,7 +89,7 @@ class Looker:
         if given.sum() < min(FEWEST, len(masks)):
             return None
         sight, covered = self._sight(pose, masks, given)
-        used = given & (believed | (given & believed).sum() < FEWEST)
+        used = given & believed if (given & believed).sum() >= FEWEST else given
         found = self._followed(pose, self._of(sight, used), used, self.settings.follow)
         if self._lost(found[2], pose, sought).any():
             other = self._followed(pose, self._of(sight, used), used, (*self.settings.search, *self.settings.follow))
@@ -97,6 +97,8 @@ class Looker:
                 found = other
         now, _, evidence = found
         sight, dark = self._without_hidden(now, sight, evidence, used)
+        if dark.any():
+            now, _, evidence = self._followed(pose, self._of(sight, used), used, self.settings.follow)
         misfit = self._misfit(now, sight, given)
         agreeing = given.copy()
         named = np.flatnonzero(given)
@@ -107,6 +109,8 @@ class Looker:
         now, terms = self.follower.followed(now, self._of(sight, used), self.settings.finish)
         trusted = used & ~dark
         judged = evidence if trusted.sum() < FEWEST else evidence.of_views(trusted[used])
+        if covered.any():  # the print itself may have moved by more than it was allowed to
+            covered = self._intruded(now, sight)[1] & given
         return Look(now, terms, judged.gone, evidence.there, used, covered | dark, misfit)
 
     def evidence(self, pose: Pose, sight: Sight) -> Evidence:
@@ -135,18 +139,21 @@ class Looker:
         ]
         valid = [np.full(shape, bool(there)) for shape, there in zip(shapes, given, strict=True)]
         sight = Sight(self._frame, self.cameras, shown, valid)
+        regions, covered = self._intruded(pose, sight)
+        if not covered.any():
+            return sight, covered
+        pairs = zip(valid, regions, strict=True)
+        free = [own if region is None else own & ~_enlarged(region, own) for own, region in pairs]
+        return sight.with_valid(free), covered & given
+
+    def _intruded(self, pose: Pose, sight: Sight) -> tuple[list[np.ndarray | None], np.ndarray]:
+        """Where something white is no print, view by view, and in which views (N,) that is."""
         stage = self.settings.follow[-1]
         level = sight.level(stage)
         drawn = level.pictures(np.float32(1.0) - rods.transmittance(self.follower.drawn(pose, stage.pieces), level))
         radius = sight.pixels_per_mm(stage) * float(np.median(self._frame.radius))
         regions = intruders(level.pictures(level.target), drawn, radius)
-        covered = np.array([region is not None for region in regions]) & given
-        if not covered.any():
-            return sight, covered
-        free = [
-            own if region is None else own & ~_enlarged(region, own) for own, region in zip(valid, regions, strict=True)
-        ]
-        return sight.with_valid(free), covered
+        return regions, np.array([region is not None for region in regions])
 
     def _without_hidden(
         self, pose: Pose, sight: Sight, evidence: Evidence, used: np.ndarray
@@ -156,6 +163,8 @@ class Looker:
         hidden, plain = evidence.hidden, evidence.plain
         share = hidden.sum(axis=(1, 2)) / np.maximum(plain.sum(axis=(1, 2)), 1)
         dark[np.flatnonzero(used)] = share > COVERED
+        # Where an arm is known to be, pieces at its edge are not to be believed either.
+        hidden |= evidence.doubtful & (share > COVERED)[:, None, None]
         if not hidden.any():
             return sight, dark
         points = polyline(self._drawn(pose).control_points, hidden.shape[2])

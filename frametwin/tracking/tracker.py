@@ -165,6 +165,11 @@ class Tracker:
         """Whether nothing but the print is in view, and all that is to be laid has been."""
         return not self._arm.on[0] and not self._watch_struts.awaited.any()
 
+    @property
+    def has_followed(self) -> bool:
+        """Whether any pictures have been followed yet."""
+        return self._last is not None
+
     def result(self) -> FitResult:
         """The twin as it is now and the field that moves the plan to it, as a fit gives them.
 
