@@ -141,7 +141,7 @@ def _refuse_constant(text: str) -> float:
     raise _Damage(text, "is not a number", "replace it by a finite number")
 
 
-_MAYBE_TOO_LARGE = re.compile(r"[eE]\+?\d{3}")
+_MAYBE_TOO_LARGE = re.compile(r"[\s,:\[]-?\d[\d.]*[eE]\+?\d{3}")  # hashes have such digits too, but begin with a quote
 
 
 def _finite_float(text: str) -> float:

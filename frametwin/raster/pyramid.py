@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import sqrt
 
 import cv2
@@ -26,6 +26,7 @@ class Level:
     offsets : (N,) where each view starts.
     spread : s of the rods in pixels, sqrt(1/12 + blur^2).
     target : (pixels,) float32.
+    kept : what was last drawn here, so that it need not be drawn again; see `frametwin.raster.rods`.
     """
 
     cameras: np.ndarray
@@ -33,6 +34,7 @@ class Level:
     offsets: np.ndarray
     spread: float
     target: np.ndarray
+    kept: dict[str, tuple[tuple[np.ndarray, ...], np.ndarray]] = field(init=False, repr=False, default_factory=dict)
 
     def pictures(self, flat: np.ndarray) -> list[np.ndarray]:
         """A flat buffer as one (H, W) view a camera."""

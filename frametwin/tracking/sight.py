@@ -82,7 +82,7 @@ class Sight:
         through = rods.transmittance(drawn, level)
         residual = np.float32(1.0) - through - level.target
         if not counted.all():
-            through[~counted] = 0.0
+            through = np.where(counted, through, np.float32(0.0))
             residual[~counted] = 0.0
         return through, residual
 
