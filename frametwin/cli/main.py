@@ -26,6 +26,7 @@ COMMANDS = (
     "dataset",
     "convert",
     "info",
+    "prepare",
 )
 """In the order in which they are listed; each is a module of this package with a ``command``."""
 
