@@ -64,8 +64,8 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
     cameras = ring_rig(frame, 2, size=(24, 32))
     level: Level = Pyramid(cameras, [np.zeros((24, 32), dtype=np.float32)] * 2).level(1.0, 0.7)
     drawn = Rods(
-        control_points=frame.control_points,
-        joints=frame.vertices,
+        control_points=np.array(frame.control_points),
+        joints=np.array(frame.vertices),  # arrays that can be written are another type for numba
         edges=frame.edges,
         radius=np.repeat(frame.radius[:, None], PIECES, axis=1),
         opacity=np.ones((frame.strut_count, PIECES)),
