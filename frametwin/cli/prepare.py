@@ -18,8 +18,9 @@ def command(quiet: bool, as_json: bool) -> None:
     compiled is kept. After an update it compiles what has changed.
 
     \b
-    Example:
-      frametwin prepare
+    Examples:
+      frametwin prepare --json
+      frametwin prepare --quiet
     """
     from frametwin.service.prepare import prepare
 
