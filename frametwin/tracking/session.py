@@ -45,7 +45,7 @@ class Summary:
     events : mapping of str to int
         How many of each kind.
     seconds : float
-        That a moment took, in the middle.
+        That a moment took, in the middle: reading its pictures, following them, and telling.
     """
 
     moments: int
@@ -111,10 +111,12 @@ class Session:
                 if time.monotonic() - looked > LOOK_AT_JOB:
                     looked = time.monotonic()
                     self._go_on()
+                began = time.perf_counter()
                 moment = self.stream.next()
                 if moment is not None:
                     since = time.monotonic()
                     self._follow(moment)
+                    self._took.append(time.perf_counter() - began)
                 elif self.idle is not None and time.monotonic() - since > self.idle:
                     break
                 else:
@@ -141,7 +143,6 @@ class Session:
         )
 
     def _follow(self, moment: Moment) -> None:
-        began = time.perf_counter()
         tracked: Tracked = self._tracker.follow(moment.pictures, moment.time)
         self._passed_over += moment.passed_over
         self._unwritten = True
@@ -149,7 +150,6 @@ class Session:
             self._write()
         for event in tracked.events:
             self._tell(replace(event, frame=len(self._took)))
-        self._took.append(time.perf_counter() - began)
         self._now = moment.time
 
     def _go_on(self) -> None:
