@@ -26,6 +26,17 @@ COVERED = 0.08
 asked alone whether a strut has gone."""
 
 
+RISEN, LEAST_RISE = 1.5, 0.03
+"""Blurred steps are tried, too, when the misfit of the typical view has risen to so many times what it was, and so much
+more: the print has jumped."""
+
+NEARER = 0.8
+"""They are believed if they bring it down to this share."""
+
+AT_FIRST = 0.05
+"""Misfit that is taken to be usual before the first look; whole prints have 0.02 to 0.05."""
+
+
 @dataclass(frozen=True, eq=False)
 class Look:
     """What was found at one moment, of E struts, V joints and N views.
@@ -69,6 +80,7 @@ class Looker:
     def __init__(self, follower: Follower, cameras: Sequence[Camera], settings: TrackSettings) -> None:
         self.follower, self.cameras, self.settings = follower, tuple(cameras), settings
         self._frame = follower.elastic.frame
+        self._usual = AT_FIRST
 
     def look(
         self, pose: Pose, masks: Sequence[np.ndarray | None], believed: np.ndarray, sought: np.ndarray
@@ -91,15 +103,18 @@ class Looker:
         sight, covered = self._sight(pose, masks, given)
         used = given & believed if (given & believed).sum() >= FEWEST else given
         found = self._followed(pose, self._of(sight, used), used, self.settings.follow)
-        if self._lost(found[2], pose, sought).any():
+        off = self._typical(found[0], sight, used)
+        if self._lost(found[2], pose, sought).any() or off > RISEN * self._usual + LEAST_RISE:
             other = self._followed(pose, self._of(sight, used), used, (*self.settings.search, *self.settings.follow))
-            if other[2].gone.sum() < found[2].gone.sum() - 0.5:
+            nearer = self._typical(other[0], sight, used) < NEARER * off
+            if nearer or other[2].gone.sum() < found[2].gone.sum() - 0.5:
                 found = other
         now, _, evidence = found
         sight, dark = self._without_hidden(now, sight, evidence, used)
         if dark.any():
             now, _, evidence = self._followed(pose, self._of(sight, used), used, self.settings.follow)
         misfit = self._misfit(now, sight, given)
+        self._usual = float(np.median(misfit.total[used]))
         agreeing = given.copy()
         named = np.flatnonzero(given)
         agreeing[named[disagreeing(misfit.total[named])]] = False
@@ -123,6 +138,10 @@ class Looker:
     ) -> tuple[Pose, Terms, Evidence]:
         now, terms = self.follower.followed(pose, sight, stages)
         return now, terms, self.evidence(now, sight).of_views(used)
+
+    def _typical(self, pose: Pose, sight: Sight, used: np.ndarray) -> float:
+        """Misfit of the typical view."""
+        return float(np.median(self._misfit(pose, sight, used).total[used]))
 
     def _lost(self, evidence: Evidence, pose: Pose, sought: np.ndarray) -> np.ndarray:
         return sought & (pose.opacity[:, 0] > 0.5) & (evidence.gone >= GONE)
