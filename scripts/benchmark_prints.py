@@ -46,7 +46,7 @@ EARLIER = 1_000_000
 RIG = SimulatedRig(size=(600, 800), turn_error=0.05, shift_error=0.3, blob=1.5)
 PRINT = PrintSettings(variation=0.3)
 ACCEPTED = ("camera-moved",)
-"""A print of a few struts with blobs at its joints has a camera seem to be off by four of its deviations now and then."""
+"""With few struts and blobs at their joints, a camera seems to be off by four of its deviations now and then."""
 
 
 def printed(frame: Wireframe, order: Path, way: str, seed: int, folder: Path, material: Path | None) -> dict[str, Any]:
