@@ -61,7 +61,7 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
     """Put cameras around the frame, in the place of the rig that is there"""
 
     bl_idname = "frametwin.make_rig"
-    bl_label = "Make Rig"
+    bl_label = "FrameTwin: Make Rig"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -81,7 +81,7 @@ class FRAMETWIN_OT_import_cameras(FileStep, bpy.types.Operator):
     """Read calibrated cameras: transforms.json (nerfstudio, in mm), or cameras and images (COLMAP, .txt or .bin)"""
 
     bl_idname = "frametwin.import_cameras"
-    bl_label = "Import Cameras"
+    bl_label = "FrameTwin: Import Cameras"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
@@ -104,7 +104,7 @@ class FRAMETWIN_OT_step_camera(_RigStep, bpy.types.Operator):
     """Look through the next camera of the rig, or the one before"""
 
     bl_idname = "frametwin.step_camera"
-    bl_label = "Look Through"
+    bl_label = "FrameTwin: Next Camera"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
@@ -129,7 +129,7 @@ class FRAMETWIN_OT_show_pictures(_RigStep, bpy.types.Operator):
     """Show the capture's pictures in the views of its cameras, over or under the curves"""
 
     bl_idname = "frametwin.show_pictures"
-    bl_label = "Overlay"
+    bl_label = "FrameTwin: Overlay Pictures"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def act(self, context: bpy.types.Context) -> str:
@@ -145,7 +145,7 @@ class FRAMETWIN_OT_hide_pictures(_RigStep, bpy.types.Operator):
     """Show no pictures in the views of the cameras"""
 
     bl_idname = "frametwin.hide_pictures"
-    bl_label = "Hide Pictures"
+    bl_label = "FrameTwin: Hide Pictures"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def act(self, context: bpy.types.Context) -> None:
@@ -156,7 +156,7 @@ class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
     """Show the picture of the present camera in an image editor beside the 3D view; once more closes it"""
 
     bl_idname = "frametwin.picture_beside"
-    bl_label = "Side by Side"
+    bl_label = "FrameTwin: Picture Side by Side"
     bl_options: ClassVar = {"REGISTER"}
 
     def act(self, context: bpy.types.Context) -> str:
@@ -172,10 +172,10 @@ class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
         show_pictures(rig, capture, opacity=settings.cameras.opacity, front=settings.cameras.front)
         shown = scene.camera.data.background_images
         if not len(shown):
-            raise InputError.at(scene.camera.name, "picture", "the capture has none of it", "step to another camera")
+            raise InputError(f"The capture has no picture of {scene.camera.name}: step to another camera.")
         scene.camera.data.show_background_images = False
         if not show_picture_beside(context, shown[0].image):
-            raise InputError.at("Blender", "window", "there is none", "open Blender with its window")
+            raise InputError("There is no 3D view to divide: open one, or use Overlay.")
         return shown[0].image.name
 
 
@@ -219,9 +219,9 @@ class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
         row.operator("frametwin.step_camera", text="", icon="TRIA_RIGHT").step = 1
         if settings_of(context).fit.capture:
             row = layout.row(align=True)
-            row.operator("frametwin.show_pictures", icon="IMAGE_BACKGROUND")
+            row.operator("frametwin.show_pictures", text="Overlay", icon="IMAGE_BACKGROUND")
             beside = picture_editor(context, pictures_of(rig)) is not None
-            row.operator("frametwin.picture_beside", depress=beside)
+            row.operator("frametwin.picture_beside", text="Side by Side", depress=beside)
             row.operator("frametwin.hide_pictures", text="", icon="X")
             layout.prop(wanted, "opacity")
             layout.prop(wanted, "front")

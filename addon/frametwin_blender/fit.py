@@ -29,6 +29,7 @@ from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, writ
 from .views import see
 
 TITLE = "Fit"
+STAGES = {"reading images": (0.0, 0.2), **dict.fromkeys(("smooth motion", "joints and struts", "fitting"), (0.2, 1.0))}
 
 
 def fit_job(context: bpy.types.Context) -> Job:
@@ -63,6 +64,7 @@ def fit_job(context: bpy.types.Context) -> Job:
         finish,
         out=out,
         torch=needs_torch(context),
+        stages=STAGES,
         on_curves=lambda curves: show_preview(curves, scene_now()),
         clear=remove_preview,
         load=lambda answer: TwinContent.read(answer["out"], truth),
@@ -95,7 +97,7 @@ def start_run(context: bpy.types.Context) -> str:
     twin = twin_of(context)
     folder = "" if twin is None else twin.get(RUN_KEY, "")
     if not folder:
-        raise InputError.at("panel", "Start at This Twin", "there is no twin with a run folder", "switch it off")
+        raise InputError("There is no twin with a run folder to start at: switch Start at This Twin off.")
     return folder
 
 
@@ -123,7 +125,7 @@ class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
     """Bring the plan and the cameras of the capture folder into the scene"""
 
     bl_idname = "frametwin.open_capture"
-    bl_label = "Show Plan and Cameras"
+    bl_label = "FrameTwin: Open Capture"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -149,7 +151,7 @@ class FRAMETWIN_OT_fit(Step, bpy.types.Operator):
     """Find where every strut of the capture really is; Blender stays free meanwhile"""
 
     bl_idname = "frametwin.fit"
-    bl_label = "Fit"
+    bl_label = "FrameTwin: Fit Capture"
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
@@ -166,7 +168,7 @@ class FRAMETWIN_OT_import_run(Step, bpy.types.Operator):
     """Show the twin of a run folder, as written by a fit or by the command frametwin fit"""
 
     bl_idname = "frametwin.import_run"
-    bl_label = "Import Run"
+    bl_label = "FrameTwin: Import Run"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
@@ -204,10 +206,10 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
             column.prop(settings, "warm")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context, settings.preset != "fast")
-            layout.operator("frametwin.fit", icon="MOD_FLUIDSIM")
+            layout.operator("frametwin.fit", text="Fit", icon="MOD_FLUIDSIM")
         row = layout.row(align=True)
         row.operator("frametwin.open_capture", text="Open Capture", icon="SCENE_DATA")
-        row.operator("frametwin.import_run", icon="IMPORT")
+        row.operator("frametwin.import_run", text="Import Run", icon="IMPORT")
 
 
 CLASSES = (FRAMETWIN_OT_open_capture, FRAMETWIN_OT_fit, FRAMETWIN_OT_import_run, FRAMETWIN_PT_fit)

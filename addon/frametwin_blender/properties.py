@@ -16,8 +16,8 @@ from bpy.props import (
 )
 
 from frametwin.blender.display.twins import is_twin
-from frametwin.geometry.parametric import FRAMES
 
+from .frames_offered import FRAME_ITEMS
 from .in_view import can_be_chosen, plan_chosen, twin_chosen
 from .recolour import recolour_active, recolour_afresh, restyle_active
 
@@ -64,7 +64,7 @@ class FrameTwinPlan(bpy.types.PropertyGroup):
     frame: EnumProperty(  # type: ignore[valid-type]
         name="Frame",
         description="One of the project's own frames, for trying things out",
-        items=[(name, name.replace("_", " ").capitalize(), f"The {name.replace('_', ' ')}") for name in FRAMES],
+        items=FRAME_ITEMS,
     )
 
 
@@ -230,6 +230,18 @@ class FrameTwinFit(bpy.types.PropertyGroup):
     )
 
 
+class FrameTwinBeforeJobs(bpy.types.PropertyGroup):
+    """What there was before print jobs were shown, and comes back when they are removed."""
+
+    known: BoolProperty()  # type: ignore[valid-type]
+    frame_current: IntProperty()  # type: ignore[valid-type]
+    frame_start: IntProperty()  # type: ignore[valid-type]
+    frame_end: IntProperty()  # type: ignore[valid-type]
+    plan: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+    print_object: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+    twin: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+
+
 class FrameTwinPrint(bpy.types.PropertyGroup):
     """Printing batch by batch."""
 
@@ -255,6 +267,7 @@ class FrameTwinPrint(bpy.types.PropertyGroup):
     batch_size: IntProperty(  # type: ignore[valid-type]
         name="Batch Size", min=0, description="Struts between two looks of the cameras, about; 0: a twentieth of all"
     )
+    before: PointerProperty(type=FrameTwinBeforeJobs)  # type: ignore[valid-type]
 
 
 class FrameTwinView(bpy.types.PropertyGroup):
@@ -333,6 +346,7 @@ CLASSES = (
     FrameTwinCameras,
     FrameTwinRender,
     FrameTwinFit,
+    FrameTwinBeforeJobs,
     FrameTwinPrint,
     FrameTwinView,
     FrameTwinSettings,
