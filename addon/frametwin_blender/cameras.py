@@ -77,6 +77,20 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
         return f"{len(cameras)} cameras"
 
 
+def import_cameras(context: bpy.types.Context, path: Path) -> str:
+    """Put calibrated cameras into the scene in the place of the rig; returns what there is to tell.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read; the scene is left as it was.
+    """
+    cameras = read_calibration(path)
+    settings = settings_of(context)
+    settings.rig = replace_rig(settings.rig, cameras, context.scene)
+    return f"{len(cameras)} cameras"
+
+
 class FRAMETWIN_OT_import_cameras(FileStep, bpy.types.Operator):
     """Read calibrated cameras: transforms.json (nerfstudio, in mm), or cameras and images (COLMAP, .txt or .bin)"""
 
@@ -88,10 +102,7 @@ class FRAMETWIN_OT_import_cameras(FileStep, bpy.types.Operator):
     filter_glob: bpy.props.StringProperty(default="*.json;*.txt;*.bin", options={"HIDDEN"})  # type: ignore[valid-type]
 
     def act(self, context: bpy.types.Context) -> str:
-        cameras = read_calibration(Path(bpy.path.abspath(self.filepath)))
-        settings = settings_of(context)
-        settings.rig = replace_rig(settings.rig, cameras, context.scene)
-        return f"{len(cameras)} cameras"
+        return import_cameras(context, Path(bpy.path.abspath(self.filepath)))
 
 
 class _RigStep(Step):

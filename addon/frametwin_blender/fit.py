@@ -121,6 +121,40 @@ def words_of(content: TwinContent) -> str:
     return f"{whole} of {len(moved)} struts found whole, {distance}; {', '.join(faults)}"
 
 
+def open_capture(context: bpy.types.Context, folder: Path) -> str:
+    """Bring the plan and the cameras of a capture into the scene; returns what there is to tell.
+
+    Raises
+    ------
+    InputError
+        If the capture cannot be read; the scene is left as it was.
+    """
+    settings = settings_of(context)
+    capture, cameras = read_capture(folder), read_calibration(folder)
+    same = twin_shows(context, capture.frame)
+    words = take_plan(context, add_plan(capture.frame, context.scene), PlanSummary.of(capture.frame), keep_twin=same)
+    settings.rig = replace_rig(settings.rig, cameras, context.scene, capture.frame)
+    see(context, points_of(settings.plan))
+    if same:
+        hide(settings.plan)  # as where the twin comes out of a fit
+    return f"{words}; {len(cameras)} cameras"
+
+
+def import_run(context: bpy.types.Context, folder: Path) -> str:
+    """Show the twin of a run folder; returns what there is to tell.
+
+    Raises
+    ------
+    InputError
+        If the run cannot be read; the scene is left as it was.
+    """
+    content = TwinContent.read(folder)
+    colours = wanted_colours(settings_of(context).view, content.values)
+    shown = run_steps(show_twin_steps(content, scene=context.scene, colours=colours))
+    take_twin(settings_of(context), shown)
+    return words_of(content)
+
+
 class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
     """Bring the plan and the cameras of the capture folder into the scene"""
 
@@ -133,18 +167,7 @@ class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
         return needs(cls, settings_of(context).fit.capture, "Choose a capture folder first")
 
     def act(self, context: bpy.types.Context) -> str:
-        settings = settings_of(context)
-        folder = given_folder(settings.fit.capture, "Capture")
-        capture, cameras = read_capture(folder), read_calibration(folder)
-        same = twin_shows(context, capture.frame)
-        words = take_plan(
-            context, add_plan(capture.frame, context.scene), PlanSummary.of(capture.frame), keep_twin=same
-        )
-        settings.rig = replace_rig(settings.rig, cameras, context.scene, capture.frame)
-        see(context, points_of(settings.plan))
-        if same:
-            hide(settings.plan)  # as where the twin comes out of a fit
-        return f"{words}; {len(cameras)} cameras"
+        return open_capture(context, given_folder(settings_of(context).fit.capture, "Capture"))
 
 
 class FRAMETWIN_OT_fit(Step, bpy.types.Operator):
@@ -178,11 +201,7 @@ class FRAMETWIN_OT_import_run(Step, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def act(self, context: bpy.types.Context) -> str:
-        content = TwinContent.read(given_folder(self.directory, "Run"))
-        colours = wanted_colours(settings_of(context).view, content.values)
-        shown = run_steps(show_twin_steps(content, scene=context.scene, colours=colours))
-        take_twin(settings_of(context), shown)
-        return words_of(content)
+        return import_run(context, given_folder(self.directory, "Run"))
 
 
 class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):

@@ -8,12 +8,14 @@ import bpy
 
 from frametwin.cameras.rig_file import FORMAT as RIG
 from frametwin.capture.transforms import FORMAT as CAPTURE
-from frametwin.errors import InputError
 from frametwin.files import read_json
 from frametwin.printing.records.history import FORMAT as JOB
 from frametwin.twin.twin import FORMAT as TWIN
 
 from . import session
+from .cameras import import_cameras
+from .fit import import_run, open_capture
+from .plan import read_importable, take_frame
 from .printing import show_job
 from .steps import FileStep, settings_of
 
@@ -47,23 +49,20 @@ def open_path(context: bpy.types.Context, path: Path) -> str:
     FrameTwinError
         If the file or its folder cannot be used, or a job for it is under way.
     """
-    kind, settings, folder = kind_of(path), settings_of(context), str(path.parent)
+    kind, settings, folder = kind_of(path), settings_of(context), path.parent
     if kind == "capture":
-        settings.fit.capture = folder
-        bpy.ops.frametwin.open_capture()
-        return f"{folder} is the capture; press Fit to find its twin"
+        words = open_capture(context, folder)
+        settings.fit.capture = str(folder)
+        return f"{words}; press Fit to find the twin"
     if kind == "run":
-        bpy.ops.frametwin.import_run(directory=folder)
-        return f"The twin of {folder}"
+        return import_run(context, folder)
     if kind == "job":
-        settings.print.job = folder
+        settings.print.job = str(folder)
         session.start(show_job(context))
-        return f"{folder} is the print job"
+        return f"Job {folder}"
     if kind == "cameras":
-        bpy.ops.frametwin.import_cameras(filepath=str(path))
-        return f"The cameras of {path.name}"
-    bpy.ops.frametwin.import_frame(filepath=str(path))
-    return f"{path.name} is the plan"
+        return import_cameras(context, path)
+    return take_frame(context, read_importable(path))
 
 
 class FRAMETWIN_OT_open_file(FileStep, bpy.types.Operator):
@@ -77,10 +76,7 @@ class FRAMETWIN_OT_open_file(FileStep, bpy.types.Operator):
     filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})  # type: ignore[valid-type]
 
     def act(self, context: bpy.types.Context) -> str:
-        try:
-            return open_path(context, Path(bpy.path.abspath(self.filepath)))
-        except RuntimeError as error:  # of the operator that was called, which has put it into words
-            raise InputError(str(error).strip().removeprefix("Error: ")) from error
+        return open_path(context, Path(bpy.path.abspath(self.filepath)))
 
 
 class _Dropped:

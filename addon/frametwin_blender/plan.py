@@ -232,9 +232,8 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context), self.layout
         about, plan = settings.about_plan, plan_of(context)
-        if plan is None:
-            if mm_per_unit(context.scene) != 1.0:
-                layout.operator("frametwin.use_millimetres", text="Use Millimetres", icon="DRIVER_DISTANCE")
+        if plan is None and mm_per_unit(context.scene) != 1.0:
+            layout.operator("frametwin.use_millimetres", text="Use Millimetres", icon="DRIVER_DISTANCE")
         row = layout.row(align=True)
         row.prop(about, "frame", text="")
         row.operator("frametwin.add_frame", text="Add", icon="ADD")
