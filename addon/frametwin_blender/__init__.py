@@ -14,6 +14,7 @@ from . import (
     legend,
     menus,
     opening,
+    overlay,
     plan,
     preferences,
     printing,
@@ -32,7 +33,7 @@ if computing.HAS_SET_UP:
 MODULES = (properties, preferences, status, plan, deform, cameras, render, fit, twin, adapt, printing)
 """In the order of their panels."""
 
-WITHOUT_PANELS = (session, show_hide, support, opening, menus, *((set_up,) if computing.HAS_SET_UP else ()))
+WITHOUT_PANELS = (session, show_hide, support, opening, overlay, menus, *((set_up,) if computing.HAS_SET_UP else ()))
 CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS) for cls in module.CLASSES)
 
 

@@ -10,13 +10,14 @@ import numpy as np
 
 from frametwin.blender.display.prints import read_print
 from frametwin.blender.scene.units import mm_per_unit
-from frametwin.blender.views.captures import hide_pictures, next_camera, show_pictures
+from frametwin.blender.views.captures import next_camera, show_pictures
 from frametwin.blender.views.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 
 from .folders import given_folder
+from .overlay import draw_overlay
 from .steps import FileStep, Panel, Step, needs, plan_of, print_of, rig_of, settings_of, write_text
 from .views import (
     change_picture,
@@ -136,33 +137,6 @@ def pictures_of(rig: bpy.types.Collection, camera: bpy.types.Object | None = Non
     return [shown.image for obj in cameras for shown in obj.data.background_images if shown.image is not None]
 
 
-class FRAMETWIN_OT_show_pictures(_RigStep, bpy.types.Operator):
-    """Show the capture's pictures in the views of its cameras, over or under the curves"""
-
-    bl_idname = "frametwin.show_pictures"
-    bl_label = "FrameTwin: Overlay Pictures"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
-    def act(self, context: bpy.types.Context) -> str:
-        settings = settings_of(context)
-        capture = given_folder(settings.fit.capture, "Capture")
-        wanted = settings.cameras
-        count = show_pictures(rig_of(context), capture, opacity=wanted.opacity, front=wanted.front)
-        look_through_camera(context)
-        return f"{count} pictures"
-
-
-class FRAMETWIN_OT_hide_pictures(_RigStep, bpy.types.Operator):
-    """Show no pictures in the views of the cameras"""
-
-    bl_idname = "frametwin.hide_pictures"
-    bl_label = "FrameTwin: Hide Pictures"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
-    def act(self, context: bpy.types.Context) -> None:
-        hide_pictures(rig_of(context))
-
-
 class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
     """Show the picture of the present camera in an image editor beside the 3D view; once more closes it"""
 
@@ -222,20 +196,16 @@ class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
             self._draw_rig(layout, context, rig)
 
     def _draw_rig(self, layout: bpy.types.UILayout, context: bpy.types.Context, rig: bpy.types.Collection) -> None:
-        wanted, camera = settings_of(context).cameras, context.scene.camera
+        camera = context.scene.camera
         row = layout.row(align=True)
         row.operator("frametwin.step_camera", text="", icon="TRIA_LEFT").step = -1
         inside = camera is not None and camera.name in rig.all_objects
         row.operator("frametwin.step_camera", text=camera.name if inside else "Look Through").step = 1
         row.operator("frametwin.step_camera", text="", icon="TRIA_RIGHT").step = 1
         if settings_of(context).fit.capture:
-            row = layout.row(align=True)
-            row.operator("frametwin.show_pictures", text="Overlay", icon="IMAGE_BACKGROUND")
             beside = picture_editor(context, pictures_of(rig)) is not None
-            row.operator("frametwin.picture_beside", text="Side by Side", depress=beside)
-            row.operator("frametwin.hide_pictures", text="", icon="X")
-            layout.prop(wanted, "opacity")
-            layout.prop(wanted, "front")
+            layout.operator("frametwin.picture_beside", text="Side by Side", depress=beside)
+            draw_overlay(layout.column(align=True), context, rig)
 
 
 def cameras_of(context: bpy.types.Context) -> tuple[Camera, ...]:
@@ -253,8 +223,6 @@ CLASSES = (
     FRAMETWIN_OT_make_rig,
     FRAMETWIN_OT_import_cameras,
     FRAMETWIN_OT_step_camera,
-    FRAMETWIN_OT_show_pictures,
-    FRAMETWIN_OT_hide_pictures,
     FRAMETWIN_OT_picture_beside,
     FRAMETWIN_PT_cameras,
 )

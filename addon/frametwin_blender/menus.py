@@ -9,6 +9,7 @@ from frametwin.geometry.parametric import FRAMES
 
 from .computing import HAS_SET_UP
 from .frames_offered import title_of
+from .properties import OVERLAYS
 from .twin import KINDS
 
 STEPS: tuple[tuple[str, ...], ...] = (
@@ -63,6 +64,9 @@ class FRAMETWIN_MT_main(bpy.types.Menu):
                 layout.separator()
             for name in group:
                 layout.operator(f"frametwin.{name}")
+                if name == "show_pictures":
+                    for mode, title, _ in OVERLAYS[1:]:
+                        layout.operator("frametwin.show_pictures", text=f"FrameTwin: Overlay {title}").mode = mode
             if "step_strut" in group:
                 layout.menu("FRAMETWIN_MT_select")
 

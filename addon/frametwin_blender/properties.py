@@ -44,6 +44,16 @@ QUANTITIES = (
     ("error_max", "Largest error", "Largest distance from the truth along each strut, in mm"),
 )
 
+OVERLAYS = (
+    ("picture", "Picture", "The picture, over or under the curves"),
+    ("outline", "Outline", "The outline of the print in the picture, over the twin"),
+    (
+        "difference",
+        "Difference",
+        "Orange where there is print and no twin, blue where there is a twin and no print",
+    ),
+)
+
 
 class FrameTwinProblem(bpy.types.PropertyGroup):
     """Something wrong with the plan; its struts are kept as a custom property."""
@@ -182,6 +192,7 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         description="Of the pictures in the cameras",
         update=restyle_active,
     )
+    overlay: EnumProperty(name="Overlay", items=OVERLAYS)  # type: ignore[valid-type]
     front: BoolProperty(  # type: ignore[valid-type]
         name="In Front",
         description="Draw the pictures before the curves rather than behind them",

@@ -231,6 +231,35 @@ def test_a_capture_of_ones_own(tab: Any, small_capture: Path) -> None:
     assert editor.spaces.active.image.filepath == shown[1]
 
 
+def test_outline_and_difference_lie_over_the_cameras_views(tab: Any, small_capture: Path) -> None:
+    tab.fit.capture = str(small_capture)
+    ops.open_capture()
+    assert "fit the capture first" in cases.refused(ops.show_pictures, mode="outline")
+    ops.fit()
+    cases.pump_until_done()
+    ops.show_pictures(mode="outline")
+    assert "of the print is not in the twin" in cases.pump_until_done()
+    before = tab.twin["frametwin_run"]
+    for mode in ("outline", "difference", "picture", "difference"):
+        ops.show_pictures(mode=mode)  # the rest is at hand
+        assert not cases.addon("session").runner.busy and tab.cameras.overlay == mode
+        for camera in tab.rig.objects:
+            (shown,) = camera.data.background_images
+            assert tuple(shown.image.size) == (160, 120)
+            if mode != "picture":
+                assert (shown.alpha, shown.display_depth, bool(shown.image.packed_file)) == (1.0, "FRONT", True)
+                assert shown.image["frametwin_comparison"]["name"] == camera.name
+                clear = np.array(shown.image.pixels[:]).reshape(120, 160, 4)[..., 3] == 0.0
+                assert 0.5 < clear.mean() < 1.0
+    ops.fit()  # of another twin they are made anew
+    cases.pump_until_done()
+    assert tab.twin["frametwin_run"] != before
+    ops.show_pictures(mode="difference")
+    cases.pump_until_done()
+    runs = {image["frametwin_comparison"]["run"] for image in bpy.data.images if "frametwin_comparison" in image}
+    assert runs == {tab.twin["frametwin_run"]}
+
+
 def test_the_rig_is_the_librarys(tab: Any) -> None:
     ops.add_frame()
     tab.cameras.kind, tab.cameras.count, tab.cameras.distance = "dome", 5, 1.5
