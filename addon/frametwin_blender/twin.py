@@ -14,6 +14,7 @@ from frametwin.blender.display.twin_records import load_values, load_verdict
 from frametwin.blender.display.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
 from frametwin.blender.frames.plan_objects import make_active, points_of, show_struts
 from frametwin.blender.scene import visibility
+from frametwin.blender.views.framing import MARGIN
 from frametwin.errors import InputError
 from frametwin.twin.verdict import GOOD, Verdict
 
@@ -78,6 +79,12 @@ def quantity_of(shown: TwinObjects, name: str) -> StrutValues:
     return StrutValues(found.quantity, found.unit, -found.values) if low_is_bad else found
 
 
+def look_at_struts(context: bpy.types.Context, shown: TwinObjects, struts: np.ndarray, margin: float = MARGIN) -> None:
+    """Select struts of the twin, and move the view to them."""
+    if show_struts(shown.twin, struts.tolist()):
+        see(context, points_of(shown.twin, chosen=True), margin)
+
+
 class _TwinStep(Step):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -125,8 +132,7 @@ class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
         shown = find_twin(twin_of(context))
         view.at = (view.at + self.step) % len(struts) if view.at >= 0 else 0
         strut = int(struts[view.at])
-        if show_struts(shown.twin, [strut]):
-            see(context, points_of(shown.twin, chosen=True), AROUND)
+        look_at_struts(context, shown, np.array([strut]), AROUND)
         values = shown.values.get(view.quantity, shown.values["displacement"])
         view.at_words = f"Strut {strut}: {values.values[strut]:.3g} {values.unit}"
         return f"Strut {strut}: {values.quantity} {values.values[strut]:.4g} {values.unit}"
