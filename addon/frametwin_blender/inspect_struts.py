@@ -18,6 +18,7 @@ from .properties import QUANTITIES
 from .steps import Panel, Step, needs, settings_of, twin_of, write_text
 from .strut_table import BATCH, INDEX, StrutTable
 from .twin import AROUND, look_at_struts, torn_struts
+from .views import is_through_camera
 
 WORKSPACE = "Inspect"
 NAMES = {key: name for key, name, _ in QUANTITIES}
@@ -69,7 +70,8 @@ def strut_chosen(inspected: bpy.types.PropertyGroup, context: bpy.types.Context)
         return
     try:
         show_twin(twin_of(context), context.view_layer)
-        look_at_struts(context, find_twin(twin_of(context)), np.array([inspected.at]), AROUND)
+        move = not is_through_camera(context)
+        look_at_struts(context, find_twin(twin_of(context)), np.array([inspected.at]), AROUND, move)
     except FrameTwinError as error:
         session.tell(str(error), error=True)
 
@@ -183,9 +185,9 @@ class StrutsPanel(Panel):
         if known is None:
             layout.operator("frametwin.list_struts", text="List Struts", icon="LONGDISPLAY")
             return
-        inspected, quantity = context.window_manager.frametwin_inspect, settings_of(context).view.quantity
+        inspected = context.window_manager.frametwin_inspect
         head = layout.row(align=True)
-        for text in ("Strut", NAMES.get(quantity, quantity), "Whole", "Sure", "Batch"):
+        for text in ("Strut", "Colour", "Whole", "Sure", "Batch"):
             head.label(text=text)
         layout.template_list("FRAMETWIN_UL_struts", "", inspected, "struts", inspected, "at", rows=8)
         layout.operator("frametwin.pick_strut", text="Pick in View", icon="EYEDROPPER")

@@ -79,9 +79,11 @@ def quantity_of(shown: TwinObjects, name: str) -> StrutValues:
     return StrutValues(found.quantity, found.unit, -found.values) if low_is_bad else found
 
 
-def look_at_struts(context: bpy.types.Context, shown: TwinObjects, struts: np.ndarray, margin: float = MARGIN) -> None:
-    """Select struts of the twin, and move the view to them."""
-    if show_struts(shown.twin, struts.tolist()):
+def look_at_struts(
+    context: bpy.types.Context, shown: TwinObjects, struts: np.ndarray, margin: float = MARGIN, move: bool = True
+) -> None:
+    """Select struts of the twin, and move the view to them if ``move``."""
+    if show_struts(shown.twin, struts.tolist()) and move:
         see(context, points_of(shown.twin, chosen=True), margin)
 
 

@@ -75,7 +75,9 @@ def test_struts_are_filtered(run: Any, rich_frame: Wireframe) -> None:
 def test_a_strut_that_is_chosen_is_looked_at(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[list[int]] = []
     module = cases.addon("inspect_struts")
-    monkeypatch.setattr(module, "look_at_struts", lambda context, shown, struts, margin: looked.append(struts.tolist()))
+    monkeypatch.setattr(
+        module, "look_at_struts", lambda context, shown, struts, margin, move: looked.append(struts.tolist())
+    )
     ops.list_struts()
     bpy.context.window_manager.frametwin_inspect.at = 7
     ops.pick_strut(strut=4)
