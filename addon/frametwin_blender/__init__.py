@@ -10,37 +10,59 @@ from . import (
     computing,
     deform,
     fit,
+    inspect_struts,
+    inspect_view,
+    jobs_in_view,
     legend,
+    menus,
+    opening,
+    overlay,
+    pick_strut,
     plan,
     preferences,
     printing,
     properties,
     render,
     session,
+    show_hide,
+    status,
+    support,
+    translations,
     twin,
 )
 
 if computing.HAS_SET_UP:
     from . import set_up
 
-MODULES = (properties, preferences, plan, deform, cameras, render, fit, twin, adapt, printing)
+MODULES = (properties, preferences, status, inspect_struts, plan, deform, cameras, render, fit, twin, adapt, printing)
 """In the order of their panels."""
 
-WITHOUT_PANELS = (session, set_up) if computing.HAS_SET_UP else (session,)
-CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS) for cls in module.CLASSES)
+WITHOUT_PANELS = (session, show_hide, support, opening, overlay, inspect_view, pick_strut, menus)
+OPTIONAL = (set_up,) if computing.HAS_SET_UP else ()
+CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS, *OPTIONAL) for cls in module.CLASSES)
 
 
 def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.frametwin = bpy.props.PointerProperty(type=properties.FrameTwinSettings)
+    translations.register()
     session.register()
     legend.register()
+    jobs_in_view.register()
+    status.register()
+    menus.register()
+    inspect_struts.register()
 
 
 def unregister() -> None:
+    inspect_struts.unregister()
+    menus.unregister()
+    status.unregister()
+    jobs_in_view.unregister()
     legend.unregister()
     session.unregister()
+    translations.unregister()
     del bpy.types.Scene.frametwin
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

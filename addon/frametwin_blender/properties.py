@@ -16,10 +16,11 @@ from bpy.props import (
 )
 
 from frametwin.blender.display.twins import is_twin
-from frametwin.geometry.parametric import FRAMES
 
+from .frames_offered import FRAME_ITEMS
 from .in_view import can_be_chosen, plan_chosen, twin_chosen
 from .recolour import recolour_active, recolour_afresh, restyle_active
+from .translations import in_own_context
 
 PRESETS = (
     ("fast", "Fast", "Blurred rods and second-order steps: seconds on a laptop, the most accurate"),
@@ -44,6 +45,16 @@ QUANTITIES = (
     ("error_max", "Largest error", "Largest distance from the truth along each strut, in mm"),
 )
 
+OVERLAYS = (
+    ("picture", "Picture", "The picture, over or under the curves"),
+    ("outline", "Outline", "The outline of the print in the picture, over the twin"),
+    (
+        "difference",
+        "Difference",
+        "Orange where there is print and no twin, blue where there is a twin and no print",
+    ),
+)
+
 
 class FrameTwinProblem(bpy.types.PropertyGroup):
     """Something wrong with the plan; its struts are kept as a custom property."""
@@ -64,7 +75,7 @@ class FrameTwinPlan(bpy.types.PropertyGroup):
     frame: EnumProperty(  # type: ignore[valid-type]
         name="Frame",
         description="One of the project's own frames, for trying things out",
-        items=[(name, name.replace("_", " ").capitalize(), f"The {name.replace('_', ' ')}") for name in FRAMES],
+        items=FRAME_ITEMS,
     )
 
 
@@ -182,6 +193,9 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         description="Of the pictures in the cameras",
         update=restyle_active,
     )
+    overlay: EnumProperty(  # type: ignore[valid-type]
+        name="Overlay", description="What lies over the views of the cameras", items=OVERLAYS
+    )
     front: BoolProperty(  # type: ignore[valid-type]
         name="In Front",
         description="Draw the pictures before the curves rather than behind them",
@@ -230,6 +244,18 @@ class FrameTwinFit(bpy.types.PropertyGroup):
     )
 
 
+class FrameTwinBeforeJobs(bpy.types.PropertyGroup):
+    """What there was before print jobs were shown, and comes back when they are removed."""
+
+    known: BoolProperty()  # type: ignore[valid-type]
+    frame_current: IntProperty()  # type: ignore[valid-type]
+    frame_start: IntProperty()  # type: ignore[valid-type]
+    frame_end: IntProperty()  # type: ignore[valid-type]
+    plan: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+    print_object: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+    twin: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+
+
 class FrameTwinPrint(bpy.types.PropertyGroup):
     """Printing batch by batch."""
 
@@ -255,6 +281,7 @@ class FrameTwinPrint(bpy.types.PropertyGroup):
     batch_size: IntProperty(  # type: ignore[valid-type]
         name="Batch Size", min=0, description="Struts between two looks of the cameras, about; 0: a twentieth of all"
     )
+    before: PointerProperty(type=FrameTwinBeforeJobs)  # type: ignore[valid-type]
 
 
 class FrameTwinView(bpy.types.PropertyGroup):
@@ -333,7 +360,10 @@ CLASSES = (
     FrameTwinCameras,
     FrameTwinRender,
     FrameTwinFit,
+    FrameTwinBeforeJobs,
     FrameTwinPrint,
     FrameTwinView,
     FrameTwinSettings,
 )
+
+in_own_context(CLASSES)

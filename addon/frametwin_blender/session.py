@@ -20,6 +20,9 @@ INTERVAL = 0.05
 runner = Runner()
 installer: Installer | None = None
 _when_installed: Callable[[], None] | None = None
+_told = ""
+"""What the status bar shows."""
+
 last_words = ""
 """What was told last, for tests and for Blender without a window."""
 
@@ -74,11 +77,24 @@ def _installing() -> bool:
 
 def _tick() -> float | None:
     going = pump()
+    redraw(all_of_it=not going)
+    return INTERVAL if going else None
+
+
+def redraw(all_of_it: bool = True) -> None:
+    """Draw what tells of jobs anew, and the 3D views if all of it is asked for."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in {"VIEW_3D", "PREFERENCES"}:
-                _redraw(area, all_of_it=not going)
-    return INTERVAL if going else None
+                _redraw(area, all_of_it)
+    global _told
+    words = runner.status.overall_line if runner.busy else runner.status.message
+    if installer is not None and installer.running:
+        words = installer.stage
+    if all_of_it or words != _told:
+        _told = words
+        # The status bar is no area of the screen; it listens to what view layers are called.
+        bpy.msgbus.publish_rna(key=(bpy.types.ViewLayer, "name"))
 
 
 def _redraw(area: bpy.types.Area, all_of_it: bool) -> None:
@@ -106,7 +122,7 @@ class FRAMETWIN_OT_cancel(bpy.types.Operator):
     """Stop what is under way; nothing half-done is left"""
 
     bl_idname = "frametwin.cancel"
-    bl_label = "Cancel"
+    bl_label = "FrameTwin: Cancel"
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod

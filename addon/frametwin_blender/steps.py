@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from frametwin.blender.background.status import Status
+from frametwin.blender.scene import visibility
 from frametwin.errors import FrameTwinError
 
 from . import session
 from .text import wrapped
+from .translations import CONTEXT
 
 BUTTON = 24
 """Width of a button besides its text, as well."""
@@ -22,6 +25,8 @@ CHARACTER = 6.6
 
 class Step:
     """An operator that calls functions of ``frametwin.blender``; what a user can cause becomes one report in words."""
+
+    bl_translation_context = CONTEXT
 
     if TYPE_CHECKING:  # an operator's own, in every class that is registered
         report: Callable[[set[str], str], None]
@@ -77,6 +82,7 @@ class Panel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "FrameTwin"
+    bl_translation_context = CONTEXT
 
 
 def settings_of(context: bpy.types.Context) -> bpy.types.PropertyGroup:
@@ -121,10 +127,12 @@ def is_free(cls: type[Any]) -> bool:
     return needs(cls, not session.runner.busy, "Something is under way already: wait for it, or cancel it")
 
 
-def write_text(layout: bpy.types.UILayout, text: str, context: bpy.types.Context, icon: str = "NONE") -> None:
-    """A text on as many lines as the sidebar needs."""
+def write_text(
+    layout: bpy.types.UILayout, text: str, context: bpy.types.Context, icon: str = "NONE", beside: float = 0.0
+) -> None:
+    """A text on as many lines as the sidebar needs; ``beside`` is what else stands in the row, in pixels."""
     scale = context.preferences.system.ui_scale
-    width = (context.region.width if context.region else 260) / scale - (60 if icon != "NONE" else 36)
+    width = (context.region.width if context.region else 260) / scale - (60 if icon != "NONE" else 36) - beside
     column = layout.column(align=True)
     column.scale_y = 0.75
     for i, line in enumerate(wrapped(text, max(12, int(width / CHARACTER)))):
@@ -138,8 +146,22 @@ def draw_chosen(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, n
     row.prop(settings, name, text="")
     chosen = getattr(settings, name)
     if chosen is not None:
-        row.prop(chosen, "hide_viewport", text="", invert_checkbox=True)
+        draw_eye(row, chosen)
     return row
+
+
+def draw_eye(
+    layout: bpy.types.UILayout, shown: bpy.types.Object | bpy.types.Collection, name: str | None = None
+) -> None:
+    """A button that shows or hides an object, or all objects of a collection: an eye, or a name that is pressed."""
+    layer = bpy.context.view_layer
+    whole = isinstance(shown, bpy.types.Collection)
+    seen = visibility.is_any_shown(shown, layer) if whole else visibility.is_shown(shown, layer)
+    if name is None:
+        button = layout.operator("frametwin.show_hide", text="", icon="HIDE_OFF" if seen else "HIDE_ON")
+    else:
+        button = layout.operator("frametwin.show_hide", text=name, depress=seen)
+    button.name, button.collection = shown.name, whole
 
 
 def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object | None]) -> None:
@@ -151,23 +173,30 @@ def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object
     row = layout.row(align=True) if fits else layout.column(align=True)
     row.use_property_split = False
     for name, obj in there:
-        row.prop(obj, "hide_viewport", text=name, toggle=True, invert_checkbox=True)
+        draw_eye(row, obj, name)
 
 
 def draw_progress(layout: bpy.types.UILayout, context: bpy.types.Context, title: str) -> bool:
     """How far the job of this title is, with a button to cancel it; or how it ended. Whether it is under way."""
-    runner = session.runner
-    if runner.status.title != title:
+    status = session.runner.status
+    if status.title != title:
         return False
-    if runner.busy:
-        row = layout.row(align=True)
-        stage = runner.status.stage or "starting"
-        row.progress(factor=runner.status.share, text=stage)
-        row.operator("frametwin.cancel", text="", icon="X")
-        if runner.status.line != stage:
-            write_text(layout, runner.status.line, context)
+    if session.runner.busy:
+        draw_bar(layout, status.stage or "starting")
+        write_text(layout, status.line, context)
         return True
-    if runner.status.message:
-        icon = "ERROR" if runner.status.error else "CHECKMARK"
-        write_text(layout, runner.status.message, context, icon)
+    if status.message:
+        write_text(layout, status.message, context, end_icon(status))
     return False
+
+
+def draw_bar(layout: bpy.types.UILayout, text: str) -> None:
+    """How much of the present job is done, as a bar, and a button that cancels it."""
+    row = layout.row(align=True)
+    row.progress(factor=session.runner.status.overall, text=text)
+    row.operator("frametwin.cancel", text="", icon="X")
+
+
+def end_icon(status: Status) -> str:
+    """The icon of how a job ended: no tick for one that was cancelled."""
+    return "ERROR" if status.error else "CANCEL" if status.cancelled else "CHECKMARK"

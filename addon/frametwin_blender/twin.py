@@ -13,9 +13,12 @@ from frametwin.blender.display.statistics import StrutValues, statistics_of, wor
 from frametwin.blender.display.twin_records import load_values, load_verdict
 from frametwin.blender.display.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
 from frametwin.blender.frames.plan_objects import make_active, points_of, show_struts
+from frametwin.blender.scene import visibility
+from frametwin.blender.views.framing import MARGIN
 from frametwin.errors import InputError
 from frametwin.twin.verdict import GOOD, Verdict
 
+from .in_view import show_twin
 from .steps import (
     Panel,
     SaveStep,
@@ -33,6 +36,14 @@ from .views import see
 
 REASONS = 3
 """Of the verdict that are shown."""
+
+KINDS = (
+    ("worst", "Worst", "Those of the highest value of what the colours show"),
+    ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
+    ("uncertain", "Uncertain", "Those that the views cannot place"),
+    ("torn", "Torn", "Those an end of which hangs beside its joint"),
+)
+"""Struts that are selected together."""
 
 AROUND = 2.5
 """How much more than a strut that is stepped to is seen, in its lengths."""
@@ -68,6 +79,14 @@ def quantity_of(shown: TwinObjects, name: str) -> StrutValues:
     return StrutValues(found.quantity, found.unit, -found.values) if low_is_bad else found
 
 
+def look_at_struts(
+    context: bpy.types.Context, shown: TwinObjects, struts: np.ndarray, margin: float = MARGIN, move: bool = True
+) -> None:
+    """Select struts of the twin, and move the view to them if ``move``."""
+    if show_struts(shown.twin, struts.tolist()) and move:
+        see(context, points_of(shown.twin, chosen=True), margin)
+
+
 class _TwinStep(Step):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -78,17 +97,12 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
     """Select struts of the twin, in Edit Mode"""
 
     bl_idname = "frametwin.select_struts"
-    bl_label = "Select Struts"
+    bl_label = "FrameTwin: Select Struts"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     kind: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Kind",
-        items=(
-            ("worst", "Worst", "Those of the highest value of what the colours show"),
-            ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
-            ("uncertain", "Uncertain", "Those that the views cannot place"),
-            ("torn", "Torn", "Those an end of which hangs beside its joint"),
-        ),
+        items=KINDS,
     )
 
     @classmethod
@@ -97,7 +111,7 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
 
     def act(self, context: bpy.types.Context) -> str:
         struts = chosen_struts(context, self.kind)
-        twin_of(context).hide_viewport = False
+        show_twin(twin_of(context), context.view_layer)
         twin = find_twin(twin_of(context)).twin
         count = show_struts(twin, struts)
         if count:
@@ -109,19 +123,18 @@ class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
     """Look at the next of the worst struts, or the one before"""
 
     bl_idname = "frametwin.step_strut"
-    bl_label = "Step"
+    bl_label = "FrameTwin: Next of the Worst Struts"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
 
     def act(self, context: bpy.types.Context) -> str:
         struts, view = chosen_struts(context, "worst"), settings_of(context).view
-        twin_of(context).hide_viewport = False
+        show_twin(twin_of(context), context.view_layer)
         shown = find_twin(twin_of(context))
         view.at = (view.at + self.step) % len(struts) if view.at >= 0 else 0
         strut = int(struts[view.at])
-        if show_struts(shown.twin, [strut]):
-            see(context, points_of(shown.twin, chosen=True), AROUND)
+        look_at_struts(context, shown, np.array([strut]), AROUND)
         values = shown.values.get(view.quantity, shown.values["displacement"])
         view.at_words = f"Strut {strut}: {values.values[strut]:.3g} {values.unit}"
         return f"Strut {strut}: {values.quantity} {values.values[strut]:.4g} {values.unit}"
@@ -131,11 +144,11 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
     """Back to Object Mode, with the whole twin selected"""
 
     bl_idname = "frametwin.leave_struts"
-    bl_label = "Whole Twin"
+    bl_label = "FrameTwin: Whole Twin"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def act(self, context: bpy.types.Context) -> None:
-        twin_of(context).hide_viewport = False
+        show_twin(twin_of(context), context.view_layer)
         twin = find_twin(twin_of(context)).twin
         make_active(twin)
         settings_of(context).view.at, settings_of(context).view.at_words = -1, ""
@@ -146,7 +159,7 @@ class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
     """Write the twin: a frame file (.json), lines (.obj), or a table of every strut's values (.csv)"""
 
     bl_idname = "frametwin.export_twin"
-    bl_label = "Export Twin"
+    bl_label = "FrameTwin: Export Twin"
     bl_options: ClassVar = {"REGISTER"}
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
@@ -166,7 +179,7 @@ class FRAMETWIN_OT_remove_twin(_TwinStep, bpy.types.Operator):
     """Take the twin out of the scene and show the print or the plan again; its run folder stays on disk"""
 
     bl_idname = "frametwin.remove_twin"
-    bl_label = "Remove Twin"
+    bl_label = "FrameTwin: Remove Twin"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def act(self, context: bpy.types.Context) -> None:
@@ -177,7 +190,7 @@ class FRAMETWIN_OT_remove_twin(_TwinStep, bpy.types.Operator):
         remove_twin(collection)
         left = print_of(context) or plan_of(context)
         if left is not None:
-            left.hide_viewport = False
+            visibility.show(left)
 
 
 class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
@@ -192,7 +205,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         if collection is None:
             write_text(layout, "Fit a capture first, or import a run.", context, "INFO")
             layout.prop(settings, "twin", text="")
-            layout.operator("frametwin.import_run", icon="IMPORT")
+            layout.operator("frametwin.import_run", text="Import Run", icon="IMPORT")
             return
         row = draw_chosen(layout, settings, "twin")
         row.operator("frametwin.remove_twin", text="", icon="TRASH")
@@ -208,7 +221,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         counts = {"missing": len(missing), "uncertain": len(uncertain), "torn": len(torn_struts(values))}
         self._draw_selection(layout, settings.view, counts)
         self._draw_objects(layout, settings, collection)
-        layout.operator("frametwin.export_twin", icon="EXPORT")
+        layout.operator("frametwin.export_twin", text="Export Twin", icon="EXPORT")
 
     def _draw_verdict(self, layout: bpy.types.UILayout, context: bpy.types.Context, verdict: Verdict | None) -> None:
         """Whether the twin is to be trusted, and why not: the first reasons, the rest is in its run folder."""
@@ -254,7 +267,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             sub = row.row(align=True)
             sub.enabled = count > 0
             sub.operator("frametwin.select_struts", text=f"{count} {kind}").kind = kind
-        layout.operator("frametwin.leave_struts", icon="OBJECT_DATAMODE")
+        layout.operator("frametwin.leave_struts", text="Whole Twin", icon="OBJECT_DATAMODE")
 
     def _draw_objects(
         self, layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, collection: bpy.types.Collection
