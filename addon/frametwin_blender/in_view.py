@@ -11,14 +11,13 @@ from frametwin.blender.display.print_jobs import ROLE_KEY as JOB_ROLE
 from frametwin.blender.display.prints import is_made_print
 from frametwin.blender.display.twins import ROLE_KEY as TWIN_ROLE
 from frametwin.blender.display.twins import find_twin
-from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.blender.frames.plan_objects import is_added_plan
 from frametwin.blender.frames.plans import READABLE
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.wording import enumerated
 
-from .recolour import recolour_afresh
+from .recolour import recolour_afresh, show_colours
 from .steps import plan_of, print_of, twin_of
 
 
@@ -38,6 +37,7 @@ def hide_plan(scene: bpy.types.Scene) -> None:
 
 def hide_for_jobs(scene: bpy.types.Scene) -> None:
     """Hide plan, print and twin, which stand where print jobs are shown."""
+    show_colours(scene)
     hide(scene.frametwin.plan)
     hide(scene.frametwin.print_object)
     hide_twin(scene.frametwin.twin)
@@ -96,7 +96,7 @@ def twin_shows(context: bpy.types.Context, frame: Wireframe) -> bool:
     if twin is None:
         return False
     try:
-        plan = wireframe_from_curve(find_twin(twin).plan, evaluated=False)
+        plan = find_twin(twin).plan()
     except InputError:
         return False
     return np.array_equal(plan.control_points, frame.control_points)
