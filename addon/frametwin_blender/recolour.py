@@ -69,9 +69,11 @@ def recolour_active(view: bpy.types.PropertyGroup, context: bpy.types.Context) -
     legend = None if obj is None else legend_of(obj)
     wanted = Colours(view.quantity, *wanted_ends(view), wanted_map(view))
     if legend is not None:
-        ends = (None, None) if legend.automatic else (legend.low, legend.high)
+        low, high = (None, None) if legend.automatic else (legend.low, legend.high)
         suitable = suitable_map(legend.quantity)
-        if Colours(legend.quantity, *ends, legend.colour_map) == replace(wanted, map_name=wanted.map_name or suitable):
+        if Colours(legend.quantity, low, high, legend.colour_map) == replace(
+            wanted, map_name=wanted.map_name or suitable
+        ):
             return  # as a new twin comes: colouring a large one anew would hold the interface for nothing
     try:
         recolour_twin(settings.twin, wanted.quantity, wanted.low, wanted.high, wanted.map_name)

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from worker_cases import is_gone, script, until, worker_python
 
+from frametwin.blender.display.highlights import highlighted_struts
 from frametwin.blender.display.preview import KEY as PREVIEW
 from frametwin.blender.display.twins import find_twin
-from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
 
@@ -79,7 +79,7 @@ def test_a_worker_that_is_killed_is_reported_and_the_next_fit_works(tab: Any, se
     ops.fit()
     assert "struts found" in cases.pump_until_done()
     plan = read_frame(Path(tab.fit.capture))
-    np.testing.assert_array_equal(wireframe_from_curve(find_twin(tab.twin).twin).edges, plan.edges)
+    np.testing.assert_array_equal(find_twin(tab.twin).frame().edges, plan.edges)
 
 
 def test_a_python_that_is_missing(
@@ -341,7 +341,7 @@ def test_a_fit_that_was_saved_in_the_middle_leaves_no_curves_in_the_file(
     assert not session.runner.busy and not session.runner.status.message  # of another file
 
 
-def test_what_is_hidden_is_shown_to_have_its_struts_selected(tab: Any, session: Any) -> None:
+def test_what_is_hidden_is_shown_to_have_its_struts_highlighted(tab: Any, session: Any) -> None:
     ops.open_capture()
     ops.sag()
     cases.pump_until_done()
@@ -353,8 +353,7 @@ def test_what_is_hidden_is_shown_to_have_its_struts_selected(tab: Any, session: 
     twin = find_twin(tab.twin).twin
     twin.hide_viewport = True
     ops.step_strut(step=1)
-    assert bpy.context.mode == "EDIT_CURVE" and not twin.hide_viewport
-    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.context.mode == "OBJECT" and not twin.hide_viewport and len(highlighted_struts(twin)) == 1
     bpy.context.view_layer.layer_collection.children[tab.twin.name].hide_viewport = True
     assert "show it in the outliner" in cases.refused(ops.select_struts, kind="worst")
     ops.remove_twin()

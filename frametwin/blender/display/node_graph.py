@@ -20,7 +20,7 @@ class NodeGraph:
     def __init__(self, tree: bpy.types.NodeTree) -> None:
         self.tree = tree
 
-    def node(self, kind: str, inputs: Mapping[str | int, Any] | None = None, **properties: Any) -> bpy.types.Node:
+    def node(self, kind: str, inputs: Mapping[Any, Any] | None = None, **properties: Any) -> bpy.types.Node:
         """Add a node.
 
         Parameters
