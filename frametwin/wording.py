@@ -1,4 +1,4 @@
-"""What people read and write: lists in sentences and in tables, and sizes of pictures."""
+"""What people read and write: lists in sentences and in tables, sizes of pictures, durations."""
 
 from __future__ import annotations
 
@@ -56,3 +56,14 @@ def parsed_size(text: str) -> tuple[int, int] | None:
 def size_text(height: int, width: int) -> str:
     """Size of a picture as it is written everywhere: width first, as in "1600x1200"."""
     return f"{width}x{height}"
+
+
+def duration_text(seconds: float) -> str:
+    """How long something takes, to be read at a glance: "9 s", "11 min 41 s", "2 h 5 min"."""
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    minutes = round(whole / 60)
+    return f"{minutes // 60} h {minutes % 60} min"

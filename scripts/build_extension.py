@@ -22,6 +22,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,8 +107,10 @@ def build(out: Path, edition: Edition, wheels: Path = STORE) -> Path:
 def lay_out(stage: Path, edition: Edition, carried: Sequence[Path]) -> None:
     """Put everything that belongs into the zip into a folder."""
     shutil.copytree(ADDON, stage, ignore=shutil.ignore_patterns("__pycache__"))
-    for extra in ("constraints.txt", "LICENSE"):
+    for extra in ("constraints.txt", "LICENSE", "docs/blender.md"):
         shutil.copy(ROOT / extra, stage)
+    if links := published_links():
+        (stage / "links.json").write_text(json.dumps(links), encoding="utf-8")
     if edition.store:
         for name in OF_SET_UP:
             (stage / name).unlink()
@@ -125,6 +128,10 @@ def manifest_of(edition: Edition, wheels: Sequence[str]) -> str:
     if edition.store:
         lines = [line for line in lines if not line.startswith(NETWORK)]
     at = lines.index("wheels = []")
+    website = published_links().get("documentation")
+    if website:
+        lines.insert(at, f'website = "{website}"')
+        at += 1
     lines[at : at + 1] = ["wheels = [", *(f'  "./wheels/{name}",' for name in wheels), "]"]
     if edition.platform:
         lines.insert(at, f'platforms = ["{edition.platform}"]')
@@ -155,6 +162,14 @@ def project_version() -> str:
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__version__":
             return str(ast.literal_eval(node.value))
     raise BuildError("frametwin/__init__.py has no __version__")
+
+
+def published_links() -> dict[str, str]:
+    """Addresses of the documentation and of the list of issues, where pyproject.toml names them."""
+    urls = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"].get("urls", {})
+    known = {"documentation": ("Documentation", "Homepage", "Repository"), "issues": ("Issues",)}
+    found = {kind: [urls[name] for name in names if name in urls] for kind, names in known.items()}
+    return {kind: addresses[0] for kind, addresses in found.items() if addresses}
 
 
 def this_platform() -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from frametwin.wording import enumerated, having, listed, parsed_size, shortened, size_text
+from frametwin.wording import duration_text, enumerated, having, listed, parsed_size, shortened, size_text
 
 
 @pytest.mark.parametrize(
@@ -41,3 +41,19 @@ def test_sizes_are_written_with_the_width_first() -> None:
     assert size_text(1200, 1600) == "1600x1200"
     for text in ("", "1600", "1600x", "0x10", "1600x1200x3", "1600.5x1200", "-1x5", "big", "123456x10"):
         assert parsed_size(text) is None
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (0.2, "0 s"),
+        (59.4, "59 s"),
+        (59.6, "1 min 0 s"),
+        (701.0, "11 min 41 s"),
+        (3599.7, "1 h 0 min"),
+        (7500.0, "2 h 5 min"),
+        (7195.0, "2 h 0 min"),
+    ],
+)
+def test_durations(seconds: float, words: str) -> None:
+    assert duration_text(seconds) == words

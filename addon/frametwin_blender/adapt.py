@@ -37,7 +37,7 @@ def adapt_job(context: bpy.types.Context) -> Job:
     frame = find_twin(collection).plan()
     if frame.printed.all():
         remedy = "fit a capture in which struts are still to be printed (Deform > Printed)"
-        raise InputError.at(frame.name, "printed", "all struts are printed, so nothing is left to adapt", remedy)
+        raise InputError(f"All struts of {frame.name} are printed, so nothing is left to adapt: {remedy}.")
 
     def finish(answer: dict[str, Any]) -> Steps:
         yield from show_adapted_steps(frame, answer, collection_now(), scene_now())
@@ -53,7 +53,7 @@ class FRAMETWIN_OT_adapt(Step, bpy.types.Operator):
     """Move the struts that are still to be printed so that they meet the twin, and show them before and after"""
 
     bl_idname = "frametwin.adapt"
-    bl_label = "Adapt"
+    bl_label = "FrameTwin: Adapt to the Twin"
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
@@ -68,7 +68,7 @@ class FRAMETWIN_OT_export_adapted(SaveStep, bpy.types.Operator):
     """Write the struts that are still to be printed, as they shall be: a frame file (.json) or lines (.obj)"""
 
     bl_idname = "frametwin.export_adapted"
-    bl_label = "Export Adapted"
+    bl_label = "FrameTwin: Export Adapted Struts"
     bl_options: ClassVar = {"REGISTER"}
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
@@ -103,12 +103,12 @@ class FRAMETWIN_PT_adapt(Panel, bpy.types.Panel):
             return
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context)
-            layout.operator("frametwin.adapt", icon="MOD_CURVE")
+            layout.operator("frametwin.adapt", text="Adapt", icon="MOD_CURVE")
         adapted = find_adapted(twin)
         if adapted is not None:
             draw_shown(layout, ("Adapted", adapted.struts))
             draw_input(layout, adapted.struts, GHOST)
-            layout.operator("frametwin.export_adapted", icon="EXPORT")
+            layout.operator("frametwin.export_adapted", text="Export Adapted", icon="EXPORT")
 
 
 CLASSES = (FRAMETWIN_OT_adapt, FRAMETWIN_OT_export_adapted, FRAMETWIN_PT_adapt)

@@ -10,13 +10,14 @@ import numpy as np
 
 from frametwin.blender.display.prints import read_print
 from frametwin.blender.scene.units import mm_per_unit
-from frametwin.blender.views.captures import hide_pictures, next_camera, show_pictures
+from frametwin.blender.views.captures import next_camera, show_pictures
 from frametwin.blender.views.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 
 from .folders import given_folder
+from .overlay import draw_overlay
 from .steps import FileStep, Panel, Step, needs, plan_of, print_of, rig_of, settings_of, write_text
 from .views import (
     change_picture,
@@ -61,7 +62,7 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
     """Put cameras around the frame, in the place of the rig that is there"""
 
     bl_idname = "frametwin.make_rig"
-    bl_label = "Make Rig"
+    bl_label = "FrameTwin: Make Rig"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -77,21 +78,32 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
         return f"{len(cameras)} cameras"
 
 
+def import_cameras(context: bpy.types.Context, path: Path) -> str:
+    """Put calibrated cameras into the scene in the place of the rig; returns what there is to tell.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read; the scene is left as it was.
+    """
+    cameras = read_calibration(path)
+    settings = settings_of(context)
+    settings.rig = replace_rig(settings.rig, cameras, context.scene)
+    return f"{len(cameras)} cameras"
+
+
 class FRAMETWIN_OT_import_cameras(FileStep, bpy.types.Operator):
     """Read calibrated cameras: transforms.json (nerfstudio, in mm), or cameras and images (COLMAP, .txt or .bin)"""
 
     bl_idname = "frametwin.import_cameras"
-    bl_label = "Import Cameras"
+    bl_label = "FrameTwin: Import Cameras"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.json;*.txt;*.bin", options={"HIDDEN"})  # type: ignore[valid-type]
 
     def act(self, context: bpy.types.Context) -> str:
-        cameras = read_calibration(Path(bpy.path.abspath(self.filepath)))
-        settings = settings_of(context)
-        settings.rig = replace_rig(settings.rig, cameras, context.scene)
-        return f"{len(cameras)} cameras"
+        return import_cameras(context, Path(bpy.path.abspath(self.filepath)))
 
 
 class _RigStep(Step):
@@ -104,7 +116,7 @@ class FRAMETWIN_OT_step_camera(_RigStep, bpy.types.Operator):
     """Look through the next camera of the rig, or the one before"""
 
     bl_idname = "frametwin.step_camera"
-    bl_label = "Look Through"
+    bl_label = "FrameTwin: Next Camera"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
@@ -125,38 +137,11 @@ def pictures_of(rig: bpy.types.Collection, camera: bpy.types.Object | None = Non
     return [shown.image for obj in cameras for shown in obj.data.background_images if shown.image is not None]
 
 
-class FRAMETWIN_OT_show_pictures(_RigStep, bpy.types.Operator):
-    """Show the capture's pictures in the views of its cameras, over or under the curves"""
-
-    bl_idname = "frametwin.show_pictures"
-    bl_label = "Overlay"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
-    def act(self, context: bpy.types.Context) -> str:
-        settings = settings_of(context)
-        capture = given_folder(settings.fit.capture, "Capture")
-        wanted = settings.cameras
-        count = show_pictures(rig_of(context), capture, opacity=wanted.opacity, front=wanted.front)
-        look_through_camera(context)
-        return f"{count} pictures"
-
-
-class FRAMETWIN_OT_hide_pictures(_RigStep, bpy.types.Operator):
-    """Show no pictures in the views of the cameras"""
-
-    bl_idname = "frametwin.hide_pictures"
-    bl_label = "Hide Pictures"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
-    def act(self, context: bpy.types.Context) -> None:
-        hide_pictures(rig_of(context))
-
-
 class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
     """Show the picture of the present camera in an image editor beside the 3D view; once more closes it"""
 
     bl_idname = "frametwin.picture_beside"
-    bl_label = "Side by Side"
+    bl_label = "FrameTwin: Picture Side by Side"
     bl_options: ClassVar = {"REGISTER"}
 
     def act(self, context: bpy.types.Context) -> str:
@@ -172,10 +157,10 @@ class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
         show_pictures(rig, capture, opacity=settings.cameras.opacity, front=settings.cameras.front)
         shown = scene.camera.data.background_images
         if not len(shown):
-            raise InputError.at(scene.camera.name, "picture", "the capture has none of it", "step to another camera")
+            raise InputError(f"The capture has no picture of {scene.camera.name}: step to another camera.")
         scene.camera.data.show_background_images = False
         if not show_picture_beside(context, shown[0].image):
-            raise InputError.at("Blender", "window", "there is none", "open Blender with its window")
+            raise InputError("There is no 3D view to divide: open one, or use Overlay.")
         return shown[0].image.name
 
 
@@ -211,20 +196,16 @@ class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
             self._draw_rig(layout, context, rig)
 
     def _draw_rig(self, layout: bpy.types.UILayout, context: bpy.types.Context, rig: bpy.types.Collection) -> None:
-        wanted, camera = settings_of(context).cameras, context.scene.camera
+        camera = context.scene.camera
         row = layout.row(align=True)
         row.operator("frametwin.step_camera", text="", icon="TRIA_LEFT").step = -1
         inside = camera is not None and camera.name in rig.all_objects
         row.operator("frametwin.step_camera", text=camera.name if inside else "Look Through").step = 1
         row.operator("frametwin.step_camera", text="", icon="TRIA_RIGHT").step = 1
         if settings_of(context).fit.capture:
-            row = layout.row(align=True)
-            row.operator("frametwin.show_pictures", icon="IMAGE_BACKGROUND")
             beside = picture_editor(context, pictures_of(rig)) is not None
-            row.operator("frametwin.picture_beside", depress=beside)
-            row.operator("frametwin.hide_pictures", text="", icon="X")
-            layout.prop(wanted, "opacity")
-            layout.prop(wanted, "front")
+            layout.operator("frametwin.picture_beside", text="Side by Side", depress=beside)
+            draw_overlay(layout.column(align=True), context, rig)
 
 
 def cameras_of(context: bpy.types.Context) -> tuple[Camera, ...]:
@@ -242,8 +223,6 @@ CLASSES = (
     FRAMETWIN_OT_make_rig,
     FRAMETWIN_OT_import_cameras,
     FRAMETWIN_OT_step_camera,
-    FRAMETWIN_OT_show_pictures,
-    FRAMETWIN_OT_hide_pictures,
     FRAMETWIN_OT_picture_beside,
     FRAMETWIN_PT_cameras,
 )

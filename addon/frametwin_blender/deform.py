@@ -15,7 +15,7 @@ from frametwin.formats import frame_json
 
 from . import session
 from .computing import can_compute, worker_job
-from .in_view import hide_plan
+from .in_view import hide_for_print
 from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, draw_shown, needs, plan_of, print_of, settings_of, write_text
 
@@ -52,7 +52,7 @@ def sag_job(context: bpy.types.Context) -> Job:
             bpy.data.objects.remove(old)
         obj["frametwin_simulated"] = True
         scene.frametwin.print_object = obj
-        hide_plan(scene)
+        hide_for_print(scene)
         missing = len(answer["missing"])
         return (
             f"{answer['printed']} of {answer['struts']} struts printed"
@@ -66,7 +66,7 @@ class FRAMETWIN_OT_sag(Step, bpy.types.Operator):
     """Compute how the print deviates from the plan, and show it beside the plan"""
 
     bl_idname = "frametwin.sag"
-    bl_label = "Deform"
+    bl_label = "FrameTwin: Deform"
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
@@ -81,7 +81,7 @@ class FRAMETWIN_OT_copy_to_bend(Step, bpy.types.Operator):
     """Make a copy of the plan to bend by hand (Edit Mode) or by modifiers; it becomes the print"""
 
     bl_idname = "frametwin.copy_to_bend"
-    bl_label = "Bend by Hand"
+    bl_label = "FrameTwin: Bend by Hand"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -92,7 +92,7 @@ class FRAMETWIN_OT_copy_to_bend(Step, bpy.types.Operator):
         obj = copy_to_bend(plan_of(context), context.scene)
         make_active(obj)
         settings_of(context).print_object = obj
-        hide_plan(context.scene)
+        hide_for_print(context.scene)
         return f"Bend {label(obj)} in Edit Mode or by modifiers, and render it"
 
 
@@ -128,7 +128,7 @@ class FRAMETWIN_PT_deform(Panel, bpy.types.Panel):
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context)
             row = layout.row(align=True)
-            row.operator("frametwin.sag", icon="PHYSICS")
+            row.operator("frametwin.sag", text="Deform", icon="PHYSICS")
             row.operator("frametwin.copy_to_bend", text="By Hand")
         layout.prop(settings_of(context), "print_object", text="Print")
         if print_of(context) is not None:

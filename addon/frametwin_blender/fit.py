@@ -29,6 +29,7 @@ from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, writ
 from .views import see
 
 TITLE = "Fit"
+STAGES = {"reading images": (0.0, 0.2), **dict.fromkeys(("smooth motion", "joints and struts", "fitting"), (0.2, 1.0))}
 
 
 def fit_job(context: bpy.types.Context) -> Job:
@@ -63,6 +64,7 @@ def fit_job(context: bpy.types.Context) -> Job:
         finish,
         out=out,
         torch=needs_torch(context),
+        stages=STAGES,
         on_curves=lambda curves: show_preview(curves, scene_now()),
         clear=remove_preview,
         load=lambda answer: TwinContent.read(answer["out"], truth),
@@ -95,7 +97,7 @@ def start_run(context: bpy.types.Context) -> str:
     twin = twin_of(context)
     folder = "" if twin is None else twin.get(RUN_KEY, "")
     if not folder:
-        raise InputError.at("panel", "Start at This Twin", "there is no twin with a run folder", "switch it off")
+        raise InputError("There is no twin with a run folder to start at: switch Start at This Twin off.")
     return folder
 
 
@@ -120,11 +122,47 @@ def words_of(content: TwinContent) -> str:
     return f"{whole} of {len(moved)} struts found whole, {distance}; {', '.join(faults)}"
 
 
+def open_capture(context: bpy.types.Context, folder: Path) -> str:
+    """Bring the plan and the cameras of a capture into the scene; returns what there is to tell.
+
+    Raises
+    ------
+    InputError
+        If the capture cannot be read; the scene is left as it was.
+    """
+    settings = settings_of(context)
+    capture, cameras = read_capture(folder), read_calibration(folder)
+    same = twin_shows(context, capture.frame)
+    words = take_plan(context, add_plan(capture.frame, context.scene), PlanSummary.of(capture.frame), keep_twin=same)
+    settings.rig = replace_rig(settings.rig, cameras, context.scene, capture.frame)
+    see(context, points_of(settings.plan))
+    if same:
+        hide(settings.plan)  # as where the twin comes out of a fit
+    return f"{words}; {len(cameras)} cameras"
+
+
+def import_run(context: bpy.types.Context, folder: Path) -> str:
+    """Show the twin of a run folder; returns what there is to tell.
+
+    Raises
+    ------
+    InputError
+        If the run cannot be read; the scene is left as it was.
+    """
+    content = TwinContent.read(folder)
+    colours = wanted_colours(settings_of(context).view, content.values)
+    shown = run_steps(show_twin_steps(content, scene=context.scene, colours=colours))
+    take_twin(settings_of(context), shown)
+    if not user_is_editing():
+        make_active(shown.twin, select=False)
+    return words_of(content)
+
+
 class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
     """Bring the plan and the cameras of the capture folder into the scene"""
 
     bl_idname = "frametwin.open_capture"
-    bl_label = "Show Plan and Cameras"
+    bl_label = "FrameTwin: Open Capture"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -132,25 +170,14 @@ class FRAMETWIN_OT_open_capture(Step, bpy.types.Operator):
         return needs(cls, settings_of(context).fit.capture, "Choose a capture folder first")
 
     def act(self, context: bpy.types.Context) -> str:
-        settings = settings_of(context)
-        folder = given_folder(settings.fit.capture, "Capture")
-        capture, cameras = read_capture(folder), read_calibration(folder)
-        same = twin_shows(context, capture.frame)
-        words = take_plan(
-            context, add_plan(capture.frame, context.scene), PlanSummary.of(capture.frame), keep_twin=same
-        )
-        settings.rig = replace_rig(settings.rig, cameras, context.scene, capture.frame)
-        see(context, points_of(settings.plan))
-        if same:
-            hide(settings.plan)  # as where the twin comes out of a fit
-        return f"{words}; {len(cameras)} cameras"
+        return open_capture(context, given_folder(settings_of(context).fit.capture, "Capture"))
 
 
 class FRAMETWIN_OT_fit(Step, bpy.types.Operator):
     """Find where every strut of the capture really is; Blender stays free meanwhile"""
 
     bl_idname = "frametwin.fit"
-    bl_label = "Fit"
+    bl_label = "FrameTwin: Fit Capture"
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
@@ -167,7 +194,7 @@ class FRAMETWIN_OT_import_run(Step, bpy.types.Operator):
     """Show the twin of a run folder, as written by a fit or by the command frametwin fit"""
 
     bl_idname = "frametwin.import_run"
-    bl_label = "Import Run"
+    bl_label = "FrameTwin: Import Run"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
@@ -177,12 +204,7 @@ class FRAMETWIN_OT_import_run(Step, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def act(self, context: bpy.types.Context) -> str:
-        content = TwinContent.read(given_folder(self.directory, "Run"))
-        colours = wanted_colours(settings_of(context).view, content.values)
-        shown = run_steps(show_twin_steps(content, scene=context.scene, colours=colours))
-        take_twin(settings_of(context), shown)
-        make_active(shown.twin, select=False)
-        return words_of(content)
+        return import_run(context, given_folder(self.directory, "Run"))
 
 
 class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
@@ -206,10 +228,10 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
             column.prop(settings, "warm")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context, settings.preset != "fast")
-            layout.operator("frametwin.fit", icon="MOD_FLUIDSIM")
+            layout.operator("frametwin.fit", text="Fit", icon="MOD_FLUIDSIM")
         row = layout.row(align=True)
         row.operator("frametwin.open_capture", text="Open Capture", icon="SCENE_DATA")
-        row.operator("frametwin.import_run", icon="IMPORT")
+        row.operator("frametwin.import_run", text="Import Run", icon="IMPORT")
 
 
 CLASSES = (FRAMETWIN_OT_open_capture, FRAMETWIN_OT_fit, FRAMETWIN_OT_import_run, FRAMETWIN_PT_fit)

@@ -40,7 +40,7 @@ def given_folder(text: str, field: str) -> Path:
         If it is empty, or relative to a file that was not saved.
     """
     if not text:
-        raise InputError.at("panel", field, "is empty", "choose a folder")
+        raise InputError(f"{field} is empty: choose a folder.")
     if text.startswith("//") and not bpy.data.filepath:
-        raise InputError.at(text, field, "is relative to a file that was not saved", "save the file, or give a path")
+        raise InputError(f"{field} {text} is beside a file that was not saved: save the file, or give a whole path.")
     return Path(bpy.path.abspath(text)).absolute()

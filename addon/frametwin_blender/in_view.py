@@ -13,12 +13,16 @@ from frametwin.blender.display.twins import ROLE_KEY as TWIN_ROLE
 from frametwin.blender.display.twins import find_twin
 from frametwin.blender.frames.plan_objects import is_added_plan
 from frametwin.blender.frames.plans import READABLE
+from frametwin.blender.scene import visibility
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.wording import enumerated
 
-from .recolour import recolour_afresh, show_colours
+from .recolour import recolour_afresh
 from .steps import plan_of, print_of, twin_of
+
+BOX = 8
+"""Corners of a box."""
 
 
 def hide(obj: bpy.types.Object | None) -> None:
@@ -27,19 +31,12 @@ def hide(obj: bpy.types.Object | None) -> None:
     The panels' buttons show it again.
     """
     if obj is not None and obj.mode == "OBJECT":
-        obj.hide_viewport = True
+        visibility.hide(obj)
 
 
-def hide_plan(scene: bpy.types.Scene) -> None:
-    """Hide the scene's plan; see `hide`."""
+def hide_for_print(scene: bpy.types.Scene) -> None:
+    """Hide plan and twin, which stand where the print is shown; see `hide`."""
     hide(scene.frametwin.plan)
-
-
-def hide_for_jobs(scene: bpy.types.Scene) -> None:
-    """Hide plan, print and twin, which stand where print jobs are shown."""
-    show_colours(scene)
-    hide(scene.frametwin.plan)
-    hide(scene.frametwin.print_object)
     hide_twin(scene.frametwin.twin)
 
 
@@ -58,7 +55,7 @@ def plan_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -
         return
     if old is not None and is_added_plan(old):
         hide(old)
-    new.hide_viewport = False
+    visibility.show(new)
     settings.plan_before = new
 
 
@@ -67,7 +64,7 @@ def twin_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -
     new, old = settings.twin, settings.twin_before
     if new is not None and new != old:
         hide_twin(old)
-        new.hide_viewport = False
+        show_twin(new, context.view_layer)
         settings.twin_before = new
     recolour_afresh(settings, context)
 
@@ -75,7 +72,12 @@ def twin_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -
 def hide_twin(collection: bpy.types.Collection | None) -> None:
     """Hide a twin with all that belongs to it; not from who is editing it."""
     if collection is not None and all(obj.mode == "OBJECT" for obj in collection.all_objects):
-        collection.hide_viewport = True
+        visibility.hide_all(collection)
+
+
+def show_twin(collection: bpy.types.Collection, layer: bpy.types.ViewLayer) -> None:
+    """Show a twin with all that belongs to it, also where its collection is hidden."""
+    visibility.show_all(collection, layer)
 
 
 def make_way(context: bpy.types.Context, plan: bpy.types.Object, keep_twin: bool = False) -> str:
@@ -88,6 +90,27 @@ def make_way(context: bpy.types.Context, plan: bpy.types.Object, keep_twin: bool
     stays = [obj for obj, ours in ((before, is_added_plan), (real, is_made_print)) if obj is not None and not ours(obj)]
     names = sorted({obj.name for obj in stays if obj != plan and obj.visible_get()})
     return f"; {enumerated(names)}, of your own, stays in view" if names else ""
+
+
+def hide_boxes_around(context: bpy.types.Context, plan: bpy.types.Object) -> list[str]:
+    """Hide boxes in which all of a plan would be out of sight, as the cube of the start-up file; their names."""
+    context.view_layer.update()
+    low, high = _bounds(plan)
+    hidden = []
+    for obj in context.view_layer.objects:
+        if obj.type != "MESH" or len(obj.data.vertices) > BOX or obj.mode != "OBJECT" or not obj.visible_get():
+            continue
+        outer_low, outer_high = _bounds(obj)
+        if len(obj.data.polygons) and (outer_low < low).all() and (high < outer_high).all():
+            visibility.hide(obj)
+            hidden.append(obj.name)
+    return sorted(hidden)
+
+
+def _bounds(obj: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
+    matrix = np.array(obj.matrix_world)
+    corners = np.array(obj.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def twin_shows(context: bpy.types.Context, frame: Wireframe) -> bool:

@@ -23,8 +23,10 @@ from frametwin.errors import InputError
 from frametwin.formats import read_frame
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.wording import enumerated
 
-from .in_view import make_way
+from .frames_offered import FRAME_ITEMS
+from .in_view import hide_boxes_around, make_way
 from .steps import FileStep, Panel, Step, draw_chosen, needs, plan_of, settings_of, write_text
 from .views import see, suit_millimetres
 
@@ -79,26 +81,37 @@ def take_frame(context: bpy.types.Context, frame: Wireframe) -> str:
     summary = PlanSummary.of(frame)
     plan = add_plan(frame, context.scene)
     words = take_plan(context, plan, summary)
+    around = hide_boxes_around(context, plan)
     see(context, points_of(plan))
-    return words
+    return f"{words}; {enumerated(around)}, which stood around it, is hidden (Alt H shows it)" if around else words
 
 
 class FRAMETWIN_OT_add_frame(Step, bpy.types.Operator):
     """Add one of the project's own frames as the plan, to try things out without a file"""
 
     bl_idname = "frametwin.add_frame"
-    bl_label = "Add Frame"
+    bl_label = "FrameTwin: Add Frame"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
+    frame: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Frame",
+        description="Which of them; the one that is chosen in the panel if it is left open",
+        items=[("PANEL", "As in the panel", ""), *FRAME_ITEMS],
+        options={"SKIP_SAVE"},
+    )
+
     def act(self, context: bpy.types.Context) -> str:
-        return take_frame(context, named_frame(settings_of(context).about_plan.frame))
+        about = settings_of(context).about_plan
+        if self.frame != "PANEL":
+            about.frame = self.frame
+        return take_frame(context, named_frame(about.frame))
 
 
 class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
     """Read a frame file as the plan: frame.json, assembly or COMPAS JSON, OBJ lines, Node/Edge text, DXF, 3dm; in mm"""
 
     bl_idname = "frametwin.import_frame"
-    bl_label = "Import Frame"
+    bl_label = "FrameTwin: Import Frame"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
@@ -134,7 +147,7 @@ class FRAMETWIN_OT_use_selected(Step, bpy.types.Operator):
     """Take the active mesh (its edges) or curve as the plan"""
 
     bl_idname = "frametwin.use_selected"
-    bl_label = "Use Selected"
+    bl_label = "FrameTwin: Use Selected as Plan"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -150,7 +163,7 @@ class FRAMETWIN_OT_check_plan(Step, bpy.types.Operator):
     """Look through the plan again, after it was changed"""
 
     bl_idname = "frametwin.check_plan"
-    bl_label = "Check Again"
+    bl_label = "FrameTwin: Check Plan"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -172,7 +185,7 @@ class FRAMETWIN_OT_select_culprits(Step, bpy.types.Operator):
     """Select the struts that are to blame, in Edit Mode"""
 
     bl_idname = "frametwin.select_culprits"
-    bl_label = "Select Culprits"
+    bl_label = "FrameTwin: Select Culprits"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     kind: bpy.props.StringProperty()  # type: ignore[valid-type]
@@ -186,7 +199,7 @@ class FRAMETWIN_OT_select_culprits(Step, bpy.types.Operator):
         plan = plan_of(context)
         problem = next((p for p in settings_of(context).about_plan.problems if p.kind == self.kind), None)
         if problem is None:
-            raise InputError.at(plan.name, "plan", f"has no problem {self.kind!r}", "press Check Again")
+            raise InputError(f"{plan.name} has no problem of this kind any more: press Check Again.")
         count = show_struts(plan, list(problem["struts"]))
         if count:
             see(context, points_of(plan, chosen=True))
@@ -197,7 +210,7 @@ class FRAMETWIN_OT_use_millimetres(Step, bpy.types.Operator):
     """Make a unit of the scene a millimetre, so that the grid and the views suit frames"""
 
     bl_idname = "frametwin.use_millimetres"
-    bl_label = "Use Millimetres"
+    bl_label = "FrameTwin: Use Millimetres"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -210,19 +223,6 @@ class FRAMETWIN_OT_use_millimetres(Step, bpy.types.Operator):
         return "A unit of this scene is a millimetre"
 
 
-class FRAMETWIN_FH_frame(bpy.types.FileHandler):
-    """Frame files that are dropped into the 3D view."""
-
-    bl_idname = "FRAMETWIN_FH_frame"
-    bl_label = "FrameTwin frame"
-    bl_import_operator = "frametwin.import_frame"
-    bl_file_extensions = ".json;.txt"
-
-    @classmethod
-    def poll_drop(cls, context: bpy.types.Context) -> bool:
-        return context.area is not None and context.area.type == "VIEW_3D"
-
-
 class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
     """The frame as it was designed"""
 
@@ -232,10 +232,8 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context), self.layout
         about, plan = settings.about_plan, plan_of(context)
-        if plan is None:
-            write_text(layout, "Begin here: add a frame to try things out, or import your own.", context, "INFO")
-            if mm_per_unit(context.scene) != 1.0:
-                layout.operator("frametwin.use_millimetres", icon="DRIVER_DISTANCE")
+        if plan is None and mm_per_unit(context.scene) != 1.0:
+            layout.operator("frametwin.use_millimetres", text="Use Millimetres", icon="DRIVER_DISTANCE")
         row = layout.row(align=True)
         row.prop(about, "frame", text="")
         row.operator("frametwin.add_frame", text="Add", icon="ADD")
@@ -246,7 +244,7 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
             return
         draw_chosen(layout, settings, "plan")
         if about.checked != plan.name:
-            layout.operator("frametwin.check_plan", icon="FILE_REFRESH")
+            layout.operator("frametwin.check_plan", text="Check Again", icon="FILE_REFRESH")
             return
         if about.struts:
             column = layout.column(align=True)
@@ -266,7 +264,7 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
         row = layout.row(align=True)
         if not about.problems:
             row.label(text="No Problems", icon="CHECKMARK")
-        row.operator("frametwin.check_plan", icon="FILE_REFRESH")
+        row.operator("frametwin.check_plan", text="Check Again", icon="FILE_REFRESH")
 
 
 CLASSES = (
@@ -276,6 +274,5 @@ CLASSES = (
     FRAMETWIN_OT_check_plan,
     FRAMETWIN_OT_select_culprits,
     FRAMETWIN_OT_use_millimetres,
-    FRAMETWIN_FH_frame,
     FRAMETWIN_PT_plan,
 )

@@ -59,8 +59,11 @@ class FrameTwinPreferences(bpy.types.AddonPreferences):
         write_text(layout, "The fitter runs as a process of its own, beside Blender.", context)
         layout.prop(self, "python")
         draw_found(layout, context)
-        layout.operator("frametwin.test_python", icon="CHECKMARK")
+        layout.operator("frametwin.test_python", text="Test", icon="CHECKMARK")
         draw_progress(layout, context, TITLE)
+        row = layout.row()
+        row.operator("frametwin.show_help", text="Documentation", icon="HELP")
+        row.operator("frametwin.report_bug", text="Report a Bug", icon="URL")
         if HAS_SET_UP:
             draw_set_up(layout.box(), context)
 
@@ -93,14 +96,14 @@ def draw_python(layout: bpy.types.UILayout, context: bpy.types.Context, torch: b
             words = f"This preset needs PyTorch, Fast does not: {REMEDY}."
     if words:
         write_text(layout, words, context, "ERROR")
-        layout.operator("frametwin.open_preferences", icon="PREFERENCES")
+        layout.operator("frametwin.open_preferences", text="Open Preferences", icon="PREFERENCES")
 
 
 class FRAMETWIN_OT_open_preferences(bpy.types.Operator):
     """Open this add-on's preferences, where its Python is set up or chosen"""
 
     bl_idname = "frametwin.open_preferences"
-    bl_label = "Open Preferences"
+    bl_label = "FrameTwin: Open Preferences"
     bl_options: ClassVar = {"INTERNAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -112,7 +115,7 @@ class FRAMETWIN_OT_test_python(Step, bpy.types.Operator):
     """Start the fitter's Python and show its versions"""
 
     bl_idname = "frametwin.test_python"
-    bl_label = "Test"
+    bl_label = "FrameTwin: Test Python"
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod

@@ -16,11 +16,14 @@ from frametwin.printing.records.history import PrintHistory, read_history
 from . import session
 from .computing import can_compute, worker_job
 from .folders import fresh_folder, given_folder, work_folder
-from .in_view import hide_for_jobs
+from .jobs_in_view import come_back, hide_for_jobs, name_of, remember, show_whole
 from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
 TITLE = "Print"
+PLANNING = {"looking for collisions": (0.0, 0.2), "ordering the struts": (0.2, 1.0)}
+PRINTING = {"looking for collisions": (0.0, 0.03), "ordering the struts": (0.03, 0.06), "printing": (0.06, 1.0)}
+ANSWERING = {"reading images": (0.0, 0.3), **dict.fromkeys(("smooth motion", "joints and struts"), (0.3, 1.0))}
 MODES = {"both": ("adapt", "blind"), "adapt": ("adapt",), "blind": ("blind",), "compensate": ("compensate",)}
 
 
@@ -48,13 +51,16 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
 
         def finish(found: tuple[dict[str, Any], PrintHistory]) -> Steps:
             scene, (answer, history) = scene_now(), found
+            remember(scene)
             if place == 0:
                 for old in jobs_in(scene):
                     remove_job(old)
                 top.append(history.largest_displacement)
-            yield from show_job_steps(history, scene, folder=str(out), place=place, top=top[0])
+            shown = yield from show_job_steps(history, scene, folder=str(out), place=place, top=top[0])
+            shown.collection.name = name_of(history, mode)
             scene.frametwin.print.job = str(out)
             hide_for_jobs(scene)
+            show_whole(scene)
             told.append(f"{dict(adapt='Adapted', blind='As designed').get(mode, 'Compensated')}: {words_of(answer)}")
             return ". ".join(told)
 
@@ -65,6 +71,8 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
             finish,
             out=out,
             load=lambda answer: (answer, read_history(answer["out"])),
+            stages=PRINTING,
+            part=(place, len(modes)),
             then=(lambda: job(place + 1)) if place + 1 < len(modes) else None,
         )
 
@@ -93,9 +101,12 @@ def show_job(context: bpy.types.Context) -> Job:
 
     def finish(history: PrintHistory) -> Steps:
         scene = scene_now()
+        remember(scene)
         place = len(jobs_in(scene))
-        yield from show_job_steps(history, scene, folder=str(folder), place=place)
+        shown = yield from show_job_steps(history, scene, folder=str(folder), place=place)
+        shown.collection.name = name_of(history)
         hide_for_jobs(scene)
+        show_whole(scene)
         return f"{len(history.batches)} batches on the timeline"
 
     return Job(title=TITLE, load=lambda _: read_history(folder), finish=finish)
@@ -119,7 +130,7 @@ def plan_print_job(context: bpy.types.Context) -> Job:
         return f"Job {answer['out']}: print its first batch, take the pictures, then Fit and Adapt"
         yield
 
-    return worker_job(TITLE, "print-plan", {"frame": frame, "settings": wanted}, finish, out=out)
+    return worker_job(TITLE, "print-plan", {"frame": frame, "settings": wanted}, finish, out=out, stages=PLANNING)
 
 
 def answer_job(context: bpy.types.Context) -> Job:
@@ -136,11 +147,13 @@ def answer_job(context: bpy.types.Context) -> Job:
 
     def finish(found: tuple[dict[str, Any], PrintHistory]) -> Steps:
         scene, (answer, history) = scene_now(), found
+        remember(scene)
         for old in jobs_in(scene):
             remove_job(old)
-        yield from show_job_steps(history, scene, folder=str(folder))
+        shown = yield from show_job_steps(history, scene, folder=str(folder))
+        shown.collection.name = name_of(history)
         hide_for_jobs(scene)
-        scene.frame_set(scene.frame_end)
+        show_whole(scene)
         return f"Batch {answer['batch']} answered; the next waypoints are in {folder}"
 
     return worker_job(
@@ -149,6 +162,7 @@ def answer_job(context: bpy.types.Context) -> Job:
         {"job": folder, "capture": capture},
         finish,
         load=lambda answer: (answer, read_history(folder)),
+        stages=ANSWERING,
     )
 
 
@@ -162,7 +176,7 @@ class FRAMETWIN_OT_simulate_print(_PlanStep, bpy.types.Operator):
     """Print the plan without a robot, sagging as it grows, and put every batch on the timeline"""
 
     bl_idname = "frametwin.simulate_print"
-    bl_label = "Simulate Print"
+    bl_label = "FrameTwin: Simulate Print"
     bl_options: ClassVar = {"REGISTER"}
 
     def act(self, context: bpy.types.Context) -> None:
@@ -173,7 +187,7 @@ class FRAMETWIN_OT_plan_print(_PlanStep, bpy.types.Operator):
     """Find an order for the plan's struts and write a job with the first batch's waypoints for the robot"""
 
     bl_idname = "frametwin.plan_print"
-    bl_label = "Plan Print"
+    bl_label = "FrameTwin: New Print Job"
     bl_options: ClassVar = {"REGISTER"}
 
     def act(self, context: bpy.types.Context) -> None:
@@ -190,7 +204,7 @@ class FRAMETWIN_OT_answer_print(_JobStep, bpy.types.Operator):
     """Find the twin of the batch that was printed last, move what follows, and write the next waypoints"""
 
     bl_idname = "frametwin.answer_print"
-    bl_label = "Fit and Adapt"
+    bl_label = "FrameTwin: Fit and Adapt Batch"
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
@@ -207,7 +221,7 @@ class FRAMETWIN_OT_show_job(_JobStep, bpy.types.Operator):
     """Put the batches of a job on the timeline, beside jobs that are shown already"""
 
     bl_idname = "frametwin.show_job"
-    bl_label = "Show Job"
+    bl_label = "FrameTwin: Show Print Job"
     bl_options: ClassVar = {"REGISTER"}
 
     def act(self, context: bpy.types.Context) -> None:
@@ -224,7 +238,7 @@ class FRAMETWIN_OT_step_batch(_ShownStep, bpy.types.Operator):
     """Go to the next batch on the timeline, or the one before"""
 
     bl_idname = "frametwin.step_batch"
-    bl_label = "Batch"
+    bl_label = "FrameTwin: Next Batch"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
@@ -235,21 +249,22 @@ class FRAMETWIN_OT_step_batch(_ShownStep, bpy.types.Operator):
         past = [frame for frame in frames if frame <= scene.frame_current]
         at = max(0, min(len(frames) - 1, len(past) - 1 + self.step))
         if not frames:
-            raise InputError.at(scene.name, "timeline", "has no batches (any more)", "show the job again")
+            raise InputError("The timeline has no batches any more: show the job again.")
         scene.frame_set(frames[at])
         return f"Batch {at}"
 
 
 class FRAMETWIN_OT_remove_jobs(_ShownStep, bpy.types.Operator):
-    """Take all jobs out of the scene; their folders stay on disk"""
+    """Take all jobs out of the scene and show what was there before them; their folders stay on disk"""
 
     bl_idname = "frametwin.remove_jobs"
-    bl_label = "Remove Jobs"
+    bl_label = "FrameTwin: Remove Print Jobs"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def act(self, context: bpy.types.Context) -> None:
         for collection in jobs_in(context.scene):
             remove_job(collection)
+        come_back(context)
 
 
 class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
@@ -271,13 +286,13 @@ class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
         column.prop(settings, "batch_size")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context)
-            layout.operator("frametwin.simulate_print", icon="PLAY")
+            layout.operator("frametwin.simulate_print", text="Simulate Print", icon="PLAY")
         column = layout.column(align=True)
         column.prop(settings, "job")
         row = column.row(align=True)
-        row.operator("frametwin.plan_print", text="Plan")
-        row.operator("frametwin.answer_print")
-        row.operator("frametwin.show_job", text="Show")
+        row.operator("frametwin.plan_print", text="New Job")
+        row.operator("frametwin.answer_print", text="Fit and Adapt")
+        row.operator("frametwin.show_job", text="Show Job")
         self._draw_jobs(layout, context)
 
     def _draw_jobs(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -18,8 +18,8 @@ from bpy.props import (
 from frametwin.blender.display.colours import MAPS
 from frametwin.blender.display.quantities import QUANTITIES
 from frametwin.blender.display.twins import is_twin
-from frametwin.geometry.parametric import FRAMES
 
+from .frames_offered import FRAME_ITEMS
 from .in_view import can_be_chosen, plan_chosen, twin_chosen
 from .recolour import recolour_active, recolour_afresh, restyle_active
 
@@ -37,6 +37,16 @@ COLOURS = tuple((found.key, found.name, found.description) for found in QUANTITI
 COLOUR_MAPS = (
     ("suitable", "Suitable Colours", "The map that suits the quantity"),
     *((name, name, f"Colours from {name.lower()}") for name in MAPS),
+)
+
+OVERLAYS = (
+    ("picture", "Picture", "The picture, over or under the curves"),
+    ("outline", "Outline", "The outline of the print in the picture, over the twin"),
+    (
+        "difference",
+        "Difference",
+        "Orange where there is print and no twin, blue where there is a twin and no print",
+    ),
 )
 
 
@@ -59,7 +69,7 @@ class FrameTwinPlan(bpy.types.PropertyGroup):
     frame: EnumProperty(  # type: ignore[valid-type]
         name="Frame",
         description="One of the project's own frames, for trying things out",
-        items=[(name, name.replace("_", " ").capitalize(), f"The {name.replace('_', ' ')}") for name in FRAMES],
+        items=FRAME_ITEMS,
     )
 
 
@@ -177,6 +187,7 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         description="Of the pictures in the cameras",
         update=restyle_active,
     )
+    overlay: EnumProperty(name="Overlay", items=OVERLAYS)  # type: ignore[valid-type]
     front: BoolProperty(  # type: ignore[valid-type]
         name="In Front",
         description="Draw the pictures before the curves rather than behind them",
@@ -225,6 +236,18 @@ class FrameTwinFit(bpy.types.PropertyGroup):
     )
 
 
+class FrameTwinBeforeJobs(bpy.types.PropertyGroup):
+    """What there was before print jobs were shown, and comes back when they are removed."""
+
+    known: BoolProperty()  # type: ignore[valid-type]
+    frame_current: IntProperty()  # type: ignore[valid-type]
+    frame_start: IntProperty()  # type: ignore[valid-type]
+    frame_end: IntProperty()  # type: ignore[valid-type]
+    plan: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+    print_object: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+    twin: BoolProperty(description="Whether it was in view")  # type: ignore[valid-type]
+
+
 class FrameTwinPrint(bpy.types.PropertyGroup):
     """Printing batch by batch."""
 
@@ -250,6 +273,7 @@ class FrameTwinPrint(bpy.types.PropertyGroup):
     batch_size: IntProperty(  # type: ignore[valid-type]
         name="Batch Size", min=0, description="Struts between two looks of the cameras, about; 0: a twentieth of all"
     )
+    before: PointerProperty(type=FrameTwinBeforeJobs)  # type: ignore[valid-type]
 
 
 class FrameTwinView(bpy.types.PropertyGroup):
@@ -334,6 +358,7 @@ CLASSES = (
     FrameTwinCameras,
     FrameTwinRender,
     FrameTwinFit,
+    FrameTwinBeforeJobs,
     FrameTwinPrint,
     FrameTwinView,
     FrameTwinSettings,

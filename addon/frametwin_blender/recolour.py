@@ -32,7 +32,7 @@ def show_colours(scene: bpy.types.Scene) -> None:
 def restyle_active(wanted: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """Draw the pictures in the rig's cameras as the settings say; called by Blender when one of them changes."""
     rig = wanted.id_data.frametwin.rig
-    if rig is not None:
+    if rig is not None and wanted.overlay == "picture":
         restyle_pictures(rig, opacity=wanted.opacity, front=wanted.front)
 
 

@@ -59,7 +59,7 @@ class FRAMETWIN_OT_render(Step, bpy.types.Operator):
     """Render all cameras of the rig into a new capture folder, with plan, cameras and truth; Blender stays free"""
 
     bl_idname = "frametwin.render"
-    bl_label = "Render Capture"
+    bl_label = "FrameTwin: Render Capture"
     bl_options: ClassVar = {"REGISTER"}
 
     @classmethod
@@ -95,7 +95,7 @@ class FRAMETWIN_PT_render(Panel, bpy.types.Panel):
         if not settings.folder:
             write_text(layout, f"Into {work_folder(context)}", context)
         if not draw_progress(layout, context, TITLE):
-            layout.operator("frametwin.render", icon="RENDER_STILL")
+            layout.operator("frametwin.render", text="Render Capture", icon="RENDER_STILL")
 
 
 CLASSES = (FRAMETWIN_OT_render, FRAMETWIN_PT_render)

@@ -74,11 +74,18 @@ def _installing() -> bool:
 
 def _tick() -> float | None:
     going = pump()
+    redraw(all_of_it=not going)
+    return INTERVAL if going else None
+
+
+def redraw(all_of_it: bool = True) -> None:
+    """Draw what tells of jobs anew, and the 3D views if all of it is asked for."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in {"VIEW_3D", "PREFERENCES"}:
-                _redraw(area, all_of_it=not going)
-    return INTERVAL if going else None
+                _redraw(area, all_of_it)
+    # The status bar is no area of the screen; it listens to what view layers are called.
+    bpy.msgbus.publish_rna(key=(bpy.types.ViewLayer, "name"))
 
 
 def _redraw(area: bpy.types.Area, all_of_it: bool) -> None:
@@ -106,7 +113,7 @@ class FRAMETWIN_OT_cancel(bpy.types.Operator):
     """Stop what is under way; nothing half-done is left"""
 
     bl_idname = "frametwin.cancel"
-    bl_label = "Cancel"
+    bl_label = "FrameTwin: Cancel"
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod

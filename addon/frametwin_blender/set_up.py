@@ -43,7 +43,7 @@ def draw_set_up(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.scale_y = 0.75
     for line in [line for line in list(installer.log) if line.strip()][-6:]:
         column.label(text=line[-110:])
-    layout.operator("frametwin.show_set_up_log", icon="TEXT")
+    layout.operator("frametwin.show_set_up_log", text="Whole Log as Text", icon="TEXT")
 
 
 def draw_set_up_progress(layout: bpy.types.UILayout) -> None:
@@ -82,7 +82,7 @@ class FRAMETWIN_OT_set_up(Step, bpy.types.Operator):
     """Make a Python environment with PyTorch in this extension's folder, anew if there is one: about 1.6 GB"""
 
     bl_idname = "frametwin.set_up"
-    bl_label = "Set Up"
+    bl_label = "FrameTwin: Set Up PyTorch"
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod
@@ -118,7 +118,7 @@ class FRAMETWIN_OT_cancel_set_up(bpy.types.Operator):
     """Stop the set-up and remove what it has made"""
 
     bl_idname = "frametwin.cancel_set_up"
-    bl_label = "Cancel"
+    bl_label = "FrameTwin: Cancel Set Up"
     bl_options: ClassVar = {"INTERNAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -131,7 +131,7 @@ class FRAMETWIN_OT_show_set_up_log(Step, bpy.types.Operator):
     """Put all that Set Up wrote into a text, which the Text Editor shows"""
 
     bl_idname = "frametwin.show_set_up_log"
-    bl_label = "Whole Log as Text"
+    bl_label = "FrameTwin: Set Up Log as Text"
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod

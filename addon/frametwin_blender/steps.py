@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from frametwin.blender.background.status import Status
+from frametwin.blender.scene import visibility
 from frametwin.errors import FrameTwinError
 
 from . import session
@@ -138,8 +140,22 @@ def draw_chosen(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, n
     row.prop(settings, name, text="")
     chosen = getattr(settings, name)
     if chosen is not None:
-        row.prop(chosen, "hide_viewport", text="", invert_checkbox=True)
+        draw_eye(row, chosen)
     return row
+
+
+def draw_eye(
+    layout: bpy.types.UILayout, shown: bpy.types.Object | bpy.types.Collection, name: str | None = None
+) -> None:
+    """A button that shows or hides an object, or all objects of a collection: an eye, or a name that is pressed."""
+    layer = bpy.context.view_layer
+    whole = isinstance(shown, bpy.types.Collection)
+    seen = visibility.is_any_shown(shown, layer) if whole else visibility.is_shown(shown, layer)
+    if name is None:
+        button = layout.operator("frametwin.show_hide", text="", icon="HIDE_OFF" if seen else "HIDE_ON")
+    else:
+        button = layout.operator("frametwin.show_hide", text=name, depress=seen)
+    button.name, button.collection = shown.name, whole
 
 
 def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object | None]) -> None:
@@ -151,23 +167,30 @@ def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object
     row = layout.row(align=True) if fits else layout.column(align=True)
     row.use_property_split = False
     for name, obj in there:
-        row.prop(obj, "hide_viewport", text=name, toggle=True, invert_checkbox=True)
+        draw_eye(row, obj, name)
 
 
 def draw_progress(layout: bpy.types.UILayout, context: bpy.types.Context, title: str) -> bool:
     """How far the job of this title is, with a button to cancel it; or how it ended. Whether it is under way."""
-    runner = session.runner
-    if runner.status.title != title:
+    status = session.runner.status
+    if status.title != title:
         return False
-    if runner.busy:
-        row = layout.row(align=True)
-        stage = runner.status.stage or "starting"
-        row.progress(factor=runner.status.share, text=stage)
-        row.operator("frametwin.cancel", text="", icon="X")
-        if runner.status.line != stage:
-            write_text(layout, runner.status.line, context)
+    if session.runner.busy:
+        draw_bar(layout, status.stage or "starting")
+        write_text(layout, status.line, context)
         return True
-    if runner.status.message:
-        icon = "ERROR" if runner.status.error else "CHECKMARK"
-        write_text(layout, runner.status.message, context, icon)
+    if status.message:
+        write_text(layout, status.message, context, end_icon(status))
     return False
+
+
+def draw_bar(layout: bpy.types.UILayout, text: str) -> None:
+    """How much of the present job is done, as a bar, and a button that cancels it."""
+    row = layout.row(align=True)
+    row.progress(factor=session.runner.status.overall, text=text)
+    row.operator("frametwin.cancel", text="", icon="X")
+
+
+def end_icon(status: Status) -> str:
+    """The icon of how a job ended: no tick for one that was cancelled."""
+    return "ERROR" if status.error else "CANCEL" if status.cancelled else "CHECKMARK"

@@ -16,12 +16,14 @@ from frametwin.blender.display.statistics import StrutValues, statistics_of, wor
 from frametwin.blender.display.twin_records import load_values, load_verdict
 from frametwin.blender.display.twins import TwinObjects, find_twin, remove_twin, twin_object
 from frametwin.blender.frames.plan_objects import make_active
+from frametwin.blender.scene import visibility
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.blender.views.framing import MARGIN
 from frametwin.errors import InputError
 from frametwin.twin.verdict import GOOD, Verdict
 
 from .display_inputs import draw_input
+from .in_view import show_twin
 from .steps import (
     Panel,
     SaveStep,
@@ -39,6 +41,14 @@ from .views import see
 
 REASONS = 3
 """Of the verdict that are shown."""
+
+KINDS = (
+    ("worst", "Worst", "Those of the worst values of what the colours show"),
+    ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
+    ("uncertain", "Uncertain", "Those that the views cannot place"),
+    ("torn", "Torn", "Those an end of which hangs beside its joint"),
+)
+"""Struts that are highlighted together."""
 
 AROUND = 2.5
 """How much more than a strut that is stepped to is seen, in its lengths."""
@@ -95,17 +105,12 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
     """Show struts of the twin in full and the others thin"""
 
     bl_idname = "frametwin.select_struts"
-    bl_label = "Highlight Struts"
+    bl_label = "FrameTwin: Highlight Struts"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     kind: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Kind",
-        items=(
-            ("worst", "Worst", "Those of the worst values of what the colours show"),
-            ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
-            ("uncertain", "Uncertain", "Those that the views cannot place"),
-            ("torn", "Torn", "Those an end of which hangs beside its joint"),
-        ),
+        items=KINDS,
     )
 
     @classmethod
@@ -114,7 +119,7 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
 
     def act(self, context: bpy.types.Context) -> str:
         struts = chosen_struts(context, self.kind)
-        twin_of(context).hide_viewport = False
+        show_twin(twin_of(context), context.view_layer)
         look_at_struts(context, find_twin(twin_of(context)), struts)
         return f"{len(struts)} struts highlighted"
 
@@ -123,14 +128,14 @@ class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
     """Look at the next of the worst struts, or the one before"""
 
     bl_idname = "frametwin.step_strut"
-    bl_label = "Step"
+    bl_label = "FrameTwin: Next of the Worst Struts"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     step: bpy.props.IntProperty(default=1)  # type: ignore[valid-type]
 
     def act(self, context: bpy.types.Context) -> str:
         struts, view = chosen_struts(context, "worst"), settings_of(context).view
-        twin_of(context).hide_viewport = False
+        show_twin(twin_of(context), context.view_layer)
         shown = find_twin(twin_of(context))
         view.at = (view.at + self.step) % len(struts) if view.at >= 0 else 0
         strut = int(struts[view.at])
@@ -144,11 +149,11 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
     """Show all struts of the twin in full again"""
 
     bl_idname = "frametwin.leave_struts"
-    bl_label = "Whole Twin"
+    bl_label = "FrameTwin: Whole Twin"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def act(self, context: bpy.types.Context) -> None:
-        twin_of(context).hide_viewport = False
+        show_twin(twin_of(context), context.view_layer)
         shown = find_twin(twin_of(context))
         make_active(shown.twin, select=False)
         clear_highlight(shown.twin)
@@ -160,7 +165,7 @@ class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
     """Write the twin: a frame file (.json), lines (.obj), or a table of every strut's values (.csv)"""
 
     bl_idname = "frametwin.export_twin"
-    bl_label = "Export Twin"
+    bl_label = "FrameTwin: Export Twin"
     bl_options: ClassVar = {"REGISTER"}
 
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
@@ -180,7 +185,7 @@ class FRAMETWIN_OT_remove_twin(_TwinStep, bpy.types.Operator):
     """Take the twin out of the scene and show the print or the plan again; its run folder stays on disk"""
 
     bl_idname = "frametwin.remove_twin"
-    bl_label = "Remove Twin"
+    bl_label = "FrameTwin: Remove Twin"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def act(self, context: bpy.types.Context) -> None:
@@ -191,7 +196,7 @@ class FRAMETWIN_OT_remove_twin(_TwinStep, bpy.types.Operator):
         remove_twin(collection)
         left = print_of(context) or plan_of(context)
         if left is not None:
-            left.hide_viewport = False
+            visibility.show(left)
 
 
 class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
@@ -206,7 +211,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         if collection is None:
             write_text(layout, "Fit a capture first, or import a run.", context, "INFO")
             layout.prop(settings, "twin", text="")
-            layout.operator("frametwin.import_run", icon="IMPORT")
+            layout.operator("frametwin.import_run", text="Import Run", icon="IMPORT")
             return
         row = draw_chosen(layout, settings, "twin")
         row.operator("frametwin.remove_twin", text="", icon="TRASH")
@@ -223,7 +228,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         self._draw_selection(layout, settings.view, counts)
         self._draw_display(layout, twin_object(collection))
         self._draw_objects(layout, settings, collection)
-        layout.operator("frametwin.export_twin", icon="EXPORT")
+        layout.operator("frametwin.export_twin", text="Export Twin", icon="EXPORT")
 
     def _draw_verdict(self, layout: bpy.types.UILayout, context: bpy.types.Context, verdict: Verdict | None) -> None:
         """Whether the twin is to be trusted, and why not: the first reasons, the rest is in its run folder."""
@@ -283,7 +288,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             sub = row.row(align=True)
             sub.enabled = count > 0
             sub.operator("frametwin.select_struts", text=f"{count} {kind}").kind = kind
-        layout.operator("frametwin.leave_struts", icon="OBJECT_DATAMODE")
+        layout.operator("frametwin.leave_struts", text="Whole Twin", icon="OBJECT_DATAMODE")
 
     def _draw_objects(
         self, layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, collection: bpy.types.Collection

@@ -12,6 +12,8 @@ from frametwin.blender.views.framing import MARGIN, Room, camera_view, free_view
 CENTIMETRE = 0.01
 """In metres, whatever a unit of the scene is: with the usual metre, lines would lie beyond what is seen of a frame."""
 
+LABEL = 14
+"""Height of words in a 3D view in pixels, at a resolution scale of 1."""
 
 _made: set[int] = set()
 """Addresses of the editors that were made here."""
@@ -26,6 +28,29 @@ def views_of(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Area, bpy.t
         region = next(region for region in area.regions if region.type == "WINDOW")
         if min(region.width, region.height) > 1:
             yield area, region
+
+
+def corners_of(objects: Iterable[bpy.types.Object]) -> np.ndarray:
+    """Corners of the boxes around objects that are in view: (8 N, 3), in Blender units."""
+    bpy.context.view_layer.update()  # what was made a moment ago has no place yet
+    boxes = [
+        np.array(obj.bound_box) @ np.array(obj.matrix_world)[:3, :3].T + np.array(obj.matrix_world)[:3, 3]
+        for obj in objects
+    ]
+    return np.concatenate([np.zeros((0, 3)), *boxes])
+
+
+def write_label(text: str, x: float, y: float) -> None:
+    """Write a text into the 3D view that is being drawn, its middle at a pixel."""
+    import blf
+
+    blf.size(0, LABEL * bpy.context.preferences.system.ui_scale)
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 3, 0.0, 0.0, 0.0, 1.0)
+    blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    blf.position(0, x - 0.5 * blf.dimensions(0, text)[0], y, 0)
+    blf.draw(0, text)
+    blf.disable(0, blf.SHADOW)
 
 
 def see(context: bpy.types.Context, points: np.ndarray, margin: float = MARGIN) -> None:

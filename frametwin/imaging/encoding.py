@@ -35,6 +35,19 @@ def png_of_16_bits(picture: np.ndarray) -> bytes:
     return _encoded(picture, ".png", np.uint16)
 
 
+def png_with_alpha(picture: np.ndarray) -> bytes:
+    """Encode (H, W, 4) uint8, red, green, blue and opacity, as PNG.
+
+    Raises
+    ------
+    ValueError
+        If it is of another type or shape.
+    """
+    if picture.ndim != 3 or picture.shape[2] != 4:
+        raise ValueError(f"a picture with opacity is (H, W, 4), not {picture.shape}")
+    return _encoded(np.ascontiguousarray(picture[..., [2, 1, 0, 3]]), ".png", np.uint8)
+
+
 def tiff_of_floats(picture: np.ndarray) -> bytes:
     """Encode (H, W) float32 as TIFF with every digit, infinity included.
 

@@ -21,6 +21,7 @@ JOBS: dict[str, str] = {
     "fit": "frametwin.service.tasks:fit",
     "evaluate": "frametwin.service.tasks:evaluate",
     "adapt": "frametwin.service.tasks:adapt",
+    "compare": "frametwin.service.view_tasks:compare",
     "render": "frametwin.service.render_tasks:render",
     "render-capture": "frametwin.service.render_tasks:render_capture",
     "print-plan": "frametwin.service.print_tasks:plan",

@@ -48,12 +48,16 @@ def roles(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
 
 def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any, tmp_path: Path) -> None:
     tab.print_object = wireframe_to_curve(named_frame("bridge"), name="a print")
+    scene.frame_set(7)
+    before = (scene.frame_current, scene.frame_start, scene.frame_end)
     ops.simulate_print()
     words = cases.pump_until_done(300.0)
-    assert tab.print_object.hide_viewport
+    assert not tab.print_object.visible_get()
     assert "Adapted: " in words and "As designed: " in words
     adapted, blind = jobs_in(scene)
-    assert tab.print.job.endswith("print-002") and tab.plan.hide_viewport
+    assert (adapted.name, blind.name) == ("bridge, adapted", "bridge, as designed")
+    assert scene.frame_current == scene.frame_end and all_in_view(adapted, blind)
+    assert tab.print.job.endswith("print-002") and not tab.plan.visible_get()
     history = read_history(Path(tab.print.job).with_name("print-001"))
     work = Path(tab.render.folder)
     assert sorted(path.name for path in work.iterdir()) == ["print-001", "print-002"]
@@ -82,11 +86,25 @@ def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any
     assert scene.frame_current == FIRST_FRAME
     ops.remove_jobs()
     assert not jobs_in(scene) and not scene.timeline_markers and not ops.step_batch.poll()
-    tab.plan.hide_viewport = False
+    assert (scene.frame_current, scene.frame_start, scene.frame_end) == before
+    assert tab.print_object.visible_get() and tab.plan.visible_get()  # as before
+    tab.plan.hide_set(False)
     ops.show_job()
     assert "batches on the timeline" in cases.pump_until_done()
-    assert tab.plan.hide_viewport
+    assert not tab.plan.visible_get()
     check_film(Path(tab.print.job), tmp_path)
+
+
+def all_in_view(*jobs: bpy.types.Collection) -> bool:
+    """Whether the 3D view looks at about the middle of all that is shown of jobs, from as far as they are large."""
+    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    view = area.spaces.active.region_3d
+    bpy.context.view_layer.update()
+    seen = [obj for job in jobs for obj in job.all_objects if obj.visible_get()]
+    points = np.concatenate([np.array(obj.bound_box) @ np.array(obj.matrix_world)[:3, :3].T for obj in seen])
+    low, high = points.min(axis=0), points.max(axis=0)
+    size, aside = np.linalg.norm(high - low), np.linalg.norm(0.5 * (low + high) - view.view_location)
+    return bool(aside < 0.5 * size < view.view_distance < 3.0 * size)
 
 
 def check_film(job: Path, folder: Path) -> None:

@@ -232,6 +232,35 @@ def test_a_capture_of_ones_own(tab: Any, small_capture: Path) -> None:
     assert editor.spaces.active.image.filepath == shown[1]
 
 
+def test_outline_and_difference_lie_over_the_cameras_views(tab: Any, small_capture: Path) -> None:
+    tab.fit.capture = str(small_capture)
+    ops.open_capture()
+    assert "fit the capture first" in cases.refused(ops.show_pictures, mode="outline")
+    ops.fit()
+    cases.pump_until_done()
+    ops.show_pictures(mode="outline")
+    assert "of the print is not in the twin" in cases.pump_until_done()
+    before = tab.twin["frametwin_run"]
+    for mode in ("outline", "difference", "picture", "difference"):
+        ops.show_pictures(mode=mode)  # the rest is at hand
+        assert not cases.addon("session").runner.busy and tab.cameras.overlay == mode
+        for camera in tab.rig.objects:
+            (shown,) = camera.data.background_images
+            assert tuple(shown.image.size) == (160, 120)
+            if mode != "picture":
+                assert (shown.alpha, shown.display_depth, bool(shown.image.packed_file)) == (1.0, "FRONT", True)
+                assert shown.image["frametwin_comparison"]["name"] == camera.name
+                clear = np.array(shown.image.pixels[:]).reshape(120, 160, 4)[..., 3] == 0.0
+                assert 0.5 < clear.mean() < 1.0
+    ops.fit()  # of another twin they are made anew
+    cases.pump_until_done()
+    assert tab.twin["frametwin_run"] != before
+    ops.show_pictures(mode="difference")
+    cases.pump_until_done()
+    runs = {image["frametwin_comparison"]["run"] for image in bpy.data.images if "frametwin_comparison" in image}
+    assert runs == {tab.twin["frametwin_run"]}
+
+
 def test_the_rig_is_the_librarys(tab: Any) -> None:
     ops.add_frame()
     tab.cameras.kind, tab.cameras.count, tab.cameras.distance = "dome", 5, 1.5
@@ -313,6 +342,29 @@ def test_another_plan_takes_the_place_of_the_one_in_view(tab: Any, tmp_path: Pat
     assert {first.name, second.name} < set(bpy.data.objects.keys())
 
 
+def test_what_is_hidden_comes_back_as_blenders_users_expect(tab: Any, small_capture: Path) -> None:
+    tab.fit.capture = str(small_capture)
+    ops.open_capture()
+    ops.fit()
+    cases.pump_until_done()
+    cameras = {camera.name for camera in tab.rig.objects}
+    assert in_view() - cameras == {obj.name for obj in tab.twin.objects}
+    ops.sag()  # the print takes the place of the twin
+    cases.pump_until_done()
+    assert in_view() - cameras == {tab.print_object.name}
+    assert not any(obj.hide_viewport for obj in bpy.data.objects)  # which would grey the outliner and defeat Alt H
+    ops.show_hide(name=tab.print_object.name)
+    ops.show_hide(name=tab.twin.name, collection=True)
+    assert in_view() - cameras == {obj.name for obj in tab.twin.objects}
+    ops.show_hide(name=tab.twin.name, collection=True)
+    assert in_view() == cameras
+    assert "choose another one" in cases.refused(ops.show_hide, name="nothing")
+    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    with bpy.context.temp_override(area=area, region=area.regions[-1]):
+        bpy.ops.object.hide_view_clear()  # Alt H
+    assert in_view() >= {tab.plan.name, tab.print_object.name} | {obj.name for obj in tab.twin.objects}
+
+
 def test_another_plan_hides_nothing_that_is_the_users_own(tab: Any, link: Any) -> None:
     mesh = bpy.data.meshes.new("cross")
     mesh.from_pydata([(0, 0, 0), (0, 0, 0.04), (0.03, 0, 0.04)], [(0, 1), (1, 2)], [])
@@ -325,6 +377,18 @@ def test_another_plan_hides_nothing_that_is_the_users_own(tab: Any, link: Any) -
     assert in_view() == {"cross"}
     bpy.data.objects["cross"].hide_set(True)
     assert "stays in view" not in take(tab, named_frame("bridge"))
+
+
+def test_the_cube_of_the_start_up_file_does_not_hide_the_plan(tab: Any, link: Any) -> None:
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 0.0, 0.0))
+    mesh = bpy.data.meshes.new("printer")
+    mesh.from_pydata([(x, y, z) for x in (-9, 9) for y in (-9, 9) for z in (-9, 0, 9)], [(0, 1), (2, 3)], [])
+    link("printer", mesh)
+    words = take(tab, named_frame("bridge"))
+    assert "Cube, which stood around it, is hidden" in words and in_view() == {"printer", tab.plan.name}
+    bpy.data.objects["Cube"].hide_set(False)
+    bpy.data.objects["Cube"].location.x = 2.0
+    assert "hidden" not in take(tab, named_frame("bridge")) and "Cube" in in_view()
 
 
 def take(tab: Any, frame: Wireframe) -> str:
@@ -364,7 +428,7 @@ def test_another_twin_takes_the_place_of_plan_print_and_twin(tab: Any, small_cap
         assert in_view() == {obj.name for obj in tab.twin.objects}
     tab.twin = runs[0]  # in the list
     assert in_view() == {obj.name for obj in runs[0].objects}
-    tab.plan.hide_viewport = False
+    tab.plan.hide_set(False)
     ops.import_run(directory=find_twin(runs[1]).collection["frametwin_run"])
     assert tab.twin not in runs and in_view() == {obj.name for obj in tab.twin.objects}
     tab.view.quantity, tab.view.automatic, tab.view.low, tab.view.high = "radius", False, 0.5, 1.5

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.blender.background.new_folder import NewFolder
+from frametwin.blender.background.status import Status
 from frametwin.blender.background.stepwise import TURN
 from frametwin.errors import Cancelled, FrameTwinError
 from frametwin.worker.client import ENDED, WorkerClient, error_of
@@ -58,6 +59,11 @@ class Job:
         late. What is there before, or was made by others, stays. ``None`` where nothing is written.
     then
         Gives the job that follows if this one ends well; ``None`` for none.
+    stages
+        The stages that take time, and about which part of it each: ``(0.2, 1.0)`` for the last four fifths. Two that
+        count their steps together have the same. See `Status.overall`.
+    part
+        Which of how many jobs that follow each other this is, from 0.
     """
 
     title: str
@@ -71,61 +77,8 @@ class Job:
     clear: Callable[[], None] = lambda: None
     out: Path | None = None
     then: Callable[[], Job] | None = None
-
-
-@dataclass
-class Status:
-    """What there is to tell of the present job, or of the last one.
-
-    Attributes
-    ----------
-    title
-        Of the job.
-    stage, iteration, total, loss
-        As in `frametwin.progress.Progress`.
-    error, message
-        Whether the last job failed, and how it ended, in words; empty while one runs.
-    """
-
-    title: str = ""
-    stage: str = ""
-    iteration: int = 0
-    total: int = 0
-    loss: float | None = None
-    error: bool = False
-    message: str = ""
-    _stage_began: float = field(default_factory=perf_counter)
-
-    @property
-    def share(self) -> float:
-        """How much of the stage is done, 0..1."""
-        return min(1.0, self.iteration / self.total) if self.total else 0.0
-
-    @property
-    def seconds_left(self) -> float | None:
-        """Of the stage, as it goes; ``None`` where nothing can be said yet."""
-        if not self.iteration or not self.total:
-            return None
-        return (perf_counter() - self._stage_began) * (self.total / self.iteration - 1.0)
-
-    @property
-    def line(self) -> str:
-        """One line: stage, steps, loss, time left."""
-        words = [self.stage or "starting"]
-        if self.total:
-            words.append(f"{self.iteration}/{self.total}")
-        if self.loss is not None:
-            words.append(f"loss {self.loss:.2g}")
-        if self.seconds_left is not None and self.seconds_left >= 1.0:
-            words.append(f"{self.seconds_left:.0f} s left")
-        return ", ".join(words)
-
-    def step(self, event: Mapping[str, Any]) -> None:
-        """Take over an event of progress."""
-        if event["stage"] != self.stage:
-            self._stage_began = perf_counter()
-        self.stage, self.iteration, self.total = event["stage"], event["iteration"], event["total"]
-        self.loss = event["loss"]
+    stages: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    part: tuple[int, int] = (0, 1)
 
 
 class Runner:
@@ -186,7 +139,7 @@ class Runner:
         self._folder = None if job.out is None else NewFolder(job.out)
         if job.request is None or job.worker is None:
             self._job, self._client, self._key = job, None, None
-            self.status = Status(job.title, "reading")
+            self.status = Status.of(job.title, "reading", job.stages, job.part, self.status)
             self._run_in_thread(lambda: job.load({}), self._loaded)
             return
         self._start_worker(job, job.request, job.worker)
@@ -199,7 +152,7 @@ class Runner:
         for kind in [kind for kind in self._kept if job.kind is not None and kind != job.kind]:
             _close_aside(self._kept.pop(kind))  # of another Python, which was given up for this one
         self._job, self._client, self._key = job, client, None
-        self.status = Status(job.title, "starting")
+        self.status = Status.of(job.title, "starting", job.stages, job.part, self.status)
         fresh = client is not kept
 
         def begin() -> str:
@@ -280,13 +233,13 @@ class Runner:
         self._key, self._written = None, True
         if self.cancelling:
             raise Cancelled
-        self.status.stage, self.status.total, self.status.loss = "reading the result", 0, None
+        self.status.result("reading the result")
         self._run_in_thread(lambda: job.load(result), self._loaded)
 
     def _loaded(self, value: Any) -> None:
         assert self._job is not None
         self._result = value
-        self.status.stage = "showing the result"
+        self.status.result("showing the result")
         self._steps = self._job.finish(value)
 
     def hold(self) -> None:
@@ -343,12 +296,12 @@ class Runner:
             job.clear()
         if client is not None:
             self._keep_or_close(job, client)
-        self.status.error, self.status.message, self.status.stage = error, message, ""
+        self.status.end(message, error, cancelled)
         if job.then is not None and not error and not cancelled:
             try:
                 self.start(job.then())
             except FrameTwinError as problem:
-                self.status.error, self.status.message = True, str(problem)
+                self.status.end(str(problem), error=True)
 
     def _keep_or_close(self, job: Job, client: WorkerClient) -> None:
         if job.kind is not None and client.alive and client.versions:

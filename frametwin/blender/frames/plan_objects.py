@@ -11,6 +11,7 @@ import numpy as np
 from frametwin.blender.frames.curves import wireframe_to_curve
 from frametwin.blender.frames.plan_checks import PlanProblem, plan_problems, select_struts
 from frametwin.blender.frames.plans import plan_from_object
+from frametwin.blender.scene import visibility
 from frametwin.blender.scene.placement import label
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
@@ -44,8 +45,7 @@ def make_active(obj: bpy.types.Object, select: bool = True) -> bool:
     active = layer.objects.active
     if active is not None and active.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
-    obj.hide_viewport = False  # a button of the panel, or a job, may have hidden it
-    obj.hide_set(False)
+    visibility.show(obj)  # a button of the panel, or a job, may have hidden it
     space = bpy.context.space_data
     if space is not None and space.type == "VIEW_3D" and space.local_view is not None:
         obj.local_view_set(space, True)

@@ -41,11 +41,19 @@ def add_background(
         raise InputError.at(label(obj), "type", f"is {obj.type}, not a camera", "select a camera")
     (width, height), _ = picture_size(obj, scene_of(obj))
     check_shape(Path(picture), width, height)
+    image = bpy.data.images.load(str(Path(picture).resolve()), check_existing=True)
+    return show_image(obj, image, opacity=opacity, front=front)
+
+
+def show_image(
+    obj: bpy.types.Object, image: bpy.types.Image, *, opacity: float = 0.5, front: bool = False
+) -> bpy.types.CameraBackgroundImage:
+    """Show an image of the camera's shape in its view, in the place of others; see `add_background`."""
     data = obj.data
     data.background_images.clear()
     data.show_background_images = True
     shown = data.background_images.new()
-    shown.image = bpy.data.images.load(str(Path(picture).resolve()), check_existing=True)
+    shown.image = image
     # Stretched over the frame: pixel on pixel also where they are not square. Shift moves frame and picture alike.
     shown.frame_method = "STRETCH"
     shown.offset, shown.scale, shown.rotation = (0.0, 0.0), 1.0, 0.0

@@ -1,0 +1,146 @@
+"""The capture's pictures over the views of its cameras: as they are, their outline, or where the twin differs."""
+
+# No postponed annotations here: Blender reads them as properties.
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any, ClassVar
+
+import bpy
+
+from frametwin.blender.background.keeping import keep
+from frametwin.blender.background.runner import Job, Steps
+from frametwin.blender.display.twins import RUN_KEY
+from frametwin.blender.views.captures import hide_pictures, show_pictures
+from frametwin.blender.views.comparisons import has_comparisons, load_comparisons, show_comparisons
+from frametwin.errors import InputError
+
+from . import session
+from .computing import can_compute, worker_job
+from .folders import given_folder
+from .properties import OVERLAYS
+from .steps import Step, draw_progress, needs, rig_of, settings_of, twin_of, write_text
+from .views import look_through_camera
+
+TITLE = "Compare"
+STAGES = {"reading images": (0.0, 0.7), "silhouettes": (0.7, 1.0)}
+
+
+def run_of(context: bpy.types.Context) -> str:
+    """The run folder of the twin that is looked at; empty if there is none."""
+    twin = twin_of(context)
+    return "" if twin is None else str(twin.get(RUN_KEY, ""))
+
+
+def compare_job(context: bpy.types.Context, mode: str) -> Job:
+    """Draw outlines and differences of all views, and show those of one mode.
+
+    Raises
+    ------
+    InputError
+        If there is no capture.
+    """
+    capture, run = given_folder(settings_of(context).fit.capture, "Capture"), run_of(context)
+    scene_now = keep(context.scene)
+    scratch = Path(tempfile.mkdtemp(prefix="frametwin-"))
+    out = scratch / "views"
+
+    def finish(answer: dict[str, Any]) -> Steps:
+        scene = scene_now()
+        load_comparisons(out, str(capture), run)
+        settings = scene.frametwin
+        settings.cameras.overlay = mode
+        if settings.rig is not None:
+            show_comparisons(settings.rig, mode)
+        return words_of(answer["views"])
+        yield
+
+    def clear() -> None:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+    return worker_job(
+        TITLE, "compare", {"capture": capture, "run": run}, finish, out=out, clear=clear, stages=STAGES
+    )  # fmt: skip
+
+
+def words_of(views: list[dict[str, Any]]) -> str:
+    """How much print and twin differ, in a line."""
+    worst = max(views, key=lambda view: view["left_out"] + view["beyond"])
+    left_out, beyond = (sum(view[name] for view in views) / len(views) for name in ("left_out", "beyond"))
+    return (
+        f"{100.0 * left_out:.1f} % of the print is not in the twin, {100.0 * beyond:.1f} % of the twin is not in the pictures;"
+        f" most in {worst['name']} ({100.0 * worst['left_out']:.1f} % and {100.0 * worst['beyond']:.1f} %)"
+    )
+
+
+class FRAMETWIN_OT_show_pictures(Step, bpy.types.Operator):
+    """Show the capture's pictures in the views of its cameras"""
+
+    bl_idname = "frametwin.show_pictures"
+    bl_label = "FrameTwin: Overlay Pictures"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    mode: bpy.props.EnumProperty(name="Overlay", items=OVERLAYS)  # type: ignore[valid-type]
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        return next(words for key, _, words in OVERLAYS if key == properties.mode)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needs(cls, rig_of(context), "Make a rig or import cameras first")
+
+    def act(self, context: bpy.types.Context) -> str | None:
+        settings, rig = settings_of(context), rig_of(context)
+        capture, run = given_folder(settings.fit.capture, "Capture"), run_of(context)
+        wanted = settings.cameras
+        if self.mode == "picture":
+            count = show_pictures(rig, capture, opacity=wanted.opacity, front=wanted.front)
+        elif not run:
+            raise InputError("There is no twin with a run folder to compare the pictures with: fit the capture first.")
+        elif not has_comparisons(str(capture), run):
+            if not can_compute(type(self)):
+                raise InputError("Something is under way already: wait for it, or cancel it.")
+            session.start(compare_job(context, self.mode))
+            look_through_camera(context)
+            return None
+        else:
+            count = show_comparisons(rig, self.mode)
+        wanted.overlay = self.mode
+        look_through_camera(context)
+        return f"{count} pictures"
+
+
+class FRAMETWIN_OT_hide_pictures(Step, bpy.types.Operator):
+    """Show no pictures in the views of the cameras"""
+
+    bl_idname = "frametwin.hide_pictures"
+    bl_label = "FrameTwin: Hide Pictures"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needs(cls, rig_of(context), "Make a rig or import cameras first")
+
+    def act(self, context: bpy.types.Context) -> None:
+        hide_pictures(rig_of(context))
+
+
+def draw_overlay(layout: bpy.types.UILayout, context: bpy.types.Context, rig: bpy.types.Collection) -> None:
+    """A button for each way to lay pictures over the cameras' views, and how they are drawn."""
+    wanted = settings_of(context).cameras
+    shown = any(len(obj.data.background_images) for obj in rig.all_objects if obj.type == "CAMERA")
+    row = layout.row(align=True)
+    for key, name, _ in OVERLAYS:
+        pressed = shown and wanted.overlay == key
+        row.operator("frametwin.show_pictures", text=name, depress=pressed).mode = key
+    row.operator("frametwin.hide_pictures", text="", icon="X")
+    draw_progress(layout, context, TITLE)
+    if shown and wanted.overlay == "difference":
+        write_text(layout, "Orange: print without twin. Blue: twin without print.", context)
+    if wanted.overlay == "picture":
+        layout.prop(wanted, "opacity")
+        layout.prop(wanted, "front")
+
+
+CLASSES = (FRAMETWIN_OT_show_pictures, FRAMETWIN_OT_hide_pictures)

@@ -1,0 +1,327 @@
+"""What `window_test.py` does inside of Blender: each step works by keys and clicks, and looks at what has become of it.
+
+Run by Blender itself, with its window: blender --python window_steps.py -- OUT SCRATCH
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+OUT, SCRATCH = (Path(word) for word in sys.argv[sys.argv.index("--") + 1 :][:2])
+MODULE = "bl_ext.user_default.frametwin"
+BLINK = 0.3
+"""Seconds in which Blender draws and takes over a key, with its software renderer."""
+
+F3 = "69"
+"""As a number: by its name, xdotool also presses what would change to another console."""
+
+FIRST_FILE = 60
+"""Pixels from the top of a file browser to the middle of its first file."""
+
+Waits = Iterator[float]
+found: list[dict[str, str]] = []
+picture: dict[str, np.ndarray] = {}
+
+
+# --- The window
+
+
+def areas(kind: str) -> list[bpy.types.Area]:
+    return [area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == kind]
+
+
+def view() -> bpy.types.Area:
+    """The 3D view."""
+    return max(areas("VIEW_3D"), key=lambda area: area.width * area.height)
+
+
+def region_of(area: bpy.types.Area, kind: str = "WINDOW") -> bpy.types.Region:
+    return next(region for region in area.regions if region.type == kind)
+
+
+def settings() -> Any:
+    return bpy.context.window_manager.windows[0].scene.frametwin
+
+
+def addon(name: str) -> Any:
+    return sys.modules[f"{MODULE}.{name}"]
+
+
+def xdotool(*words: object) -> None:
+    subprocess.run(["xdotool", *map(str, words)], check=True)
+
+
+def to_screen(region: bpy.types.Region, across: float, up: float) -> tuple[int, int]:
+    """Pixels of the screen of a place in a region, from its lower left corner: the screen counts from the top."""
+    height = bpy.context.window_manager.windows[0].height
+    return round(region.x + across), round(height - region.y - up)
+
+
+def point_at(region: bpy.types.Region, across: float, up: float) -> Waits:
+    x, y = to_screen(region, across, up)
+    xdotool("mousemove", x - 4, y)
+    yield BLINK / 2
+    xdotool("mousemove", x, y)
+    yield BLINK / 2
+
+
+def press(key: str) -> Waits:
+    xdotool("keydown", key)
+    yield BLINK / 2
+    xdotool("keyup", key)
+    yield BLINK
+
+
+def command(name: str) -> Waits:
+    """Press F3 over the 3D view, type the name of a command, press Return."""
+    region = region_of(view())
+    yield from point_at(region, 0.4 * region.width, 0.5 * region.height)
+    yield from press(F3)
+    yield 2 * BLINK
+    xdotool("type", "--delay", "15", name)
+    yield 2 * BLINK
+    yield from press("Return")
+    yield BLINK
+
+
+def drop(file: Path) -> Waits:
+    """Drag a file with the mouse, out of a file browser into the 3D view."""
+    (area,) = areas("PROPERTIES")
+    area.ui_type = "FILES"
+    yield 2 * BLINK
+    area.spaces.active.show_region_toolbar = False
+    params = area.spaces.active.params
+    params.directory, params.filter_search, params.display_type = str(file.parent).encode(), file.name, "THUMBNAIL"
+    area.tag_redraw()
+    yield 3 * BLINK
+    source, target = region_of(area), region_of(view())
+    begin = to_screen(source, 60, source.height - FIRST_FILE)
+    end = to_screen(target, 0.4 * target.width, 0.5 * target.height)
+    yield from point_at(source, 60, source.height - FIRST_FILE)
+    xdotool("mousedown", 1)
+    yield BLINK
+    for share in (0.05, 0.5, 0.9, 1.0):
+        xdotool("mousemove", *(round(a + share * (b - a)) for a, b in zip(begin, end, strict=True)))
+        yield BLINK
+    xdotool("mouseup", 1)
+    yield 3 * BLINK
+    area.ui_type = "PROPERTIES"
+    yield 2 * BLINK
+
+
+def until(condition: Callable[[], Any], seconds: float = 40.0) -> Waits:
+    while not condition():
+        seconds -= 0.25
+        assert seconds > 0.0, "waited too long"
+        yield 0.25
+
+
+def pixels(name: str) -> Waits:
+    """Draw the 3D view and keep its picture (H, W, 4) under a name."""
+
+    def read() -> None:
+        import gpu
+
+        _, _, width, height = gpu.state.viewport_get()
+        buffer = gpu.state.active_framebuffer_get().read_color(0, 0, width, height, 4, 0, "UBYTE")
+        buffer.dimensions = width * height * 4
+        picture[name] = np.array(buffer, dtype=np.uint8).reshape(height, width, 4)
+
+    handle = bpy.types.SpaceView3D.draw_handler_add(read, (), "WINDOW", "POST_PIXEL")
+    view().tag_redraw()
+    yield 2 * BLINK
+    bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
+
+
+def differing(one: str, other: str) -> int:
+    return int((np.abs(picture[one].astype(int) - picture[other]).max(axis=-1) > 4).sum())
+
+
+# --- The steps
+
+
+def every_command_by_f3() -> Waits:
+    yield from command("nothing of this name")  # the first time, the search takes long to begin
+    yield 1.0
+    yield from press("Escape")
+    yield from command("FrameTwin: Use Millimetres")
+    assert abs(bpy.context.scene.unit_settings.scale_length - 0.001) < 1e-9
+    yield from command("FrameTwin Add Frame Bridge")
+    assert settings().plan is not None and settings().about_plan.struts == 76
+
+
+def the_grid_is_seen() -> Waits:
+    overlay = view().spaces.active.overlay
+    assert abs(overlay.grid_scale_unit - 10.0) < 1e-3, overlay.grid_scale_unit
+    yield from pixels("with")
+    overlay.show_floor = False
+    yield from pixels("without")
+    overlay.show_floor = True
+    assert differing("with", "without") > 2000, differing("with", "without")
+
+
+def the_import_dialog() -> Waits:
+    bpy.ops.wm.save_as_mainfile(filepath=str(SCRATCH / "saved.blend"))
+    write_files()
+    yield from command("FrameTwin: Import Frame")
+    (browser,) = areas("FILE_BROWSER")
+    params = browser.spaces.active.params
+    assert params.filename == "" and Path(params.directory.decode()) == SCRATCH, (params.filename, params.directory)
+    params.filename = "bowl.json"
+    region = region_of(browser)
+    yield from point_at(region, 0.5 * region.width, 0.3 * region.height)
+    yield from press("Return")
+    assert not areas("FILE_BROWSER") and settings().about_plan.struts == 156
+
+
+def escape_cancels() -> Waits:
+    settings().render.folder = str(SCRATCH / "work")
+    settings().cameras.count, settings().cameras.width, settings().cameras.height = 4, 400, 300
+    yield from command("FrameTwin: Make Rig")
+    settings().render.style, settings().render.samples = "photo", 4000
+    yield from command("FrameTwin: Render Capture")
+    runner = addon("session").runner
+    yield from until(lambda: runner.busy and runner.status.stage == "rendering")
+    shot("status")
+    yield from press("Escape")
+    yield from until(lambda: not runner.busy)
+    assert runner.status.cancelled and runner.status.message == "Cancelled", runner.status
+    settings().render.style = "mask"
+    yield from command("FrameTwin: Render Capture")
+    yield from until(lambda: not runner.busy)
+    assert settings().fit.capture and not runner.status.error, runner.status.message
+
+
+def side_by_side() -> Waits:
+    yield from command("FrameTwin: Picture Side by Side")
+    (editor,) = areas("IMAGE_EDITOR")
+    first = bpy.context.scene.camera.name
+    assert Path(editor.spaces.active.image.filepath).stem == first
+    yield from command("FrameTwin: Next Camera")
+    second = bpy.context.scene.camera.name
+    assert second != first and Path(editor.spaces.active.image.filepath).stem == second
+    shot("beside")
+    yield from command("FrameTwin: Picture Side by Side")
+    assert not areas("IMAGE_EDITOR")
+
+
+def files_are_dropped() -> Waits:
+    yield from drop(SCRATCH / "frames" / "bridge.json")
+    assert settings().about_plan.struts == 76, settings().plan.name
+    capture, settings().fit.capture = Path(settings().fit.capture), ""
+    yield from drop(capture / "transforms.json")
+    assert Path(settings().fit.capture) == capture, settings().fit.capture
+    yield from drop(SCRATCH / "run" / "twin.json")
+    assert settings().twin is not None
+    shot("dropped")
+
+
+def the_legend_is_seen() -> Waits:
+    yield from pixels("with")
+    settings().view.legend = False
+    yield from pixels("without")
+    settings().view.legend = True
+    assert differing("with", "without") > 1000, differing("with", "without")
+
+
+def hidden_things_come_back() -> Waits:
+    plan = settings().plan
+    assert not plan.visible_get()
+    region = region_of(view())
+    yield from point_at(region, 0.4 * region.width, 0.5 * region.height)
+    yield from press("alt+h")
+    assert plan.visible_get()
+
+
+STEPS = (
+    every_command_by_f3,
+    the_grid_is_seen,
+    the_import_dialog,
+    escape_cancels,
+    side_by_side,
+    files_are_dropped,
+    the_legend_is_seen,
+    hidden_things_come_back,
+)
+
+
+def write_files() -> None:
+    """Frames and a run to be opened: a plan that was shifted by some millimetres."""
+    from frametwin.formats import write_frame
+    from frametwin.geometry.parametric import named_frame
+    from frametwin.twin.twin import Twin, write_twin
+
+    bowl = named_frame("half_bowl")
+    write_frame(SCRATCH / "bowl.json", bowl)
+    for folder in ("frames", "run"):
+        (SCRATCH / folder).mkdir()
+    write_frame(SCRATCH / "frames" / "bridge.json", named_frame("bridge"))
+    write_frame(SCRATCH / "run" / "frame.json", bowl)
+    opacity = np.ones((bowl.strut_count, 20))
+    opacity[3] = 0.0
+    twin = Twin(
+        control_points=bowl.control_points + 2.0,
+        vertices=bowl.vertices + 2.0,
+        thickness=np.repeat(bowl.radius[:, None], 20, axis=1),
+        opacity=opacity,
+        completeness=opacity.mean(axis=1),
+        confidence=np.ones(bowl.strut_count),
+    )
+    write_twin(SCRATCH / "run", twin)
+
+
+def shot(name: str) -> None:
+    """A picture of the whole window, where ImageMagick is there to take it from the X server."""
+    with suppress(FileNotFoundError):
+        subprocess.run(["import", "-window", "root", str(OUT / f"{name}.png")], check=False, timeout=20)
+
+
+def play() -> Waits:
+    area = view()
+    area.spaces.active.show_region_ui = True
+    yield 2 * BLINK
+    region_of(area, "UI").active_panel_category = "FrameTwin"
+    yield BLINK
+    for step in STEPS:
+        problem = ""
+        try:
+            yield from step()
+        except Exception as error:
+            problem = f"{type(error).__name__} {error} in line {traceback.extract_tb(error.__traceback__)[-1].lineno}"
+            shot(f"failed_{step.__name__}")
+        found.append({"step": step.__name__.replace("_", " "), "problem": problem})
+    found.append({"step": "end", "problem": ""})
+
+
+def finish() -> None:
+    (SCRATCH / "found.json").write_text(json.dumps(found), encoding="utf-8")
+    addon("session").end()
+    os._exit(0)  # no question whether to save
+
+
+playing = play()
+
+
+def tick() -> float | None:
+    try:
+        return next(playing)
+    except StopIteration:
+        finish()
+    except BaseException:
+        traceback.print_exc()
+        finish()
+    return None
+
+
+bpy.app.timers.register(tick, first_interval=1.0)
