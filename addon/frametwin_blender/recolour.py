@@ -18,13 +18,16 @@ from . import session
 def show_colours(scene: bpy.types.Scene) -> None:
     """Let the 3D views show colours of attributes, and the scene's pictures as they are, where nobody chose otherwise.
 
-    Only what is as Blender comes is changed: Solid shading by materials, and the view transform AgX, which would make
+    Only what is as Blender comes is changed: Solid shading by materials in studio light, and the view transform AgX, which would make
     other colours of those in the legend.
     """
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D" and area.spaces.active.shading.color_type == "MATERIAL":
-                area.spaces.active.shading.color_type = "VERTEX"
+                shading = area.spaces.active.shading
+                shading.color_type = "VERTEX"
+                if shading.light == "STUDIO":  # which would darken them
+                    shading.light, shading.show_cavity, shading.cavity_type = "FLAT", True, "BOTH"
     if scene.view_settings.view_transform == "AgX" and scene.view_settings.look == "None":
         scene.view_settings.view_transform = "Standard"
 

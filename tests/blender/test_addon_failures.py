@@ -50,8 +50,8 @@ def test_the_curves_move_while_a_fit_runs_and_cancelling_ends_it(tab: Any, sessi
     assert not ops.fit.poll() and not ops.sag.poll()
     cases.pump_until(lambda: any(PREVIEW in obj for obj in scene.objects))
     shown = next(obj for obj in scene.objects if PREVIEW in obj)
-    first = [tuple(vertex.co) for vertex in shown.data.vertices]
-    cases.pump_until(lambda: [tuple(vertex.co) for vertex in shown.data.vertices] != first)
+    first = [tuple(point.position) for point in shown.data.points]
+    cases.pump_until(lambda: [tuple(point.position) for point in shown.data.points] != first)
     assert session.runner.status.total and "loss" in session.runner.status.line
     pids = session.runner.pids
     ops.cancel()

@@ -17,7 +17,7 @@ MAPS = (SEQUENTIAL, DIVERGING, GREY)
 
 MISSING_COLOUR = (0.9, 0.02, 0.05)
 UNKNOWN_COLOUR = (0.2, 0.2, 0.2)
-PLAN_COLOUR = (0.45, 0.48, 0.52)
+PLAN_COLOUR = (0.72, 0.55, 0.42)
 
 
 class State(IntEnum):
@@ -43,7 +43,7 @@ class Look:
 
 LOOKS = {
     State.PRINTED: Look("printed", UNKNOWN_COLOUR, 1.0),  # the colour of those without a value
-    State.UNPRINTED: Look("still to print", (0.32, 0.34, 0.37), 0.35),
+    State.UNPRINTED: Look("still to print", (0.2, 0.24, 0.3), 0.35),
     State.NEXT: Look("still to print, adapted", (0.1, 0.6, 0.2), 0.35),
     State.MISSED: Look("would have missed", (0.85, 0.03, 0.6), 0.6),
     State.LOST: Look("lost", (0.25, 0.02, 0.02), 0.6),
