@@ -28,6 +28,7 @@ def show_colours(scene: bpy.types.Scene) -> None:
                 shading.color_type = "VERTEX"
                 if shading.light == "STUDIO":  # which would darken them
                     shading.light, shading.show_cavity, shading.cavity_type = "FLAT", True, "BOTH"
+                    shading.cavity_ridge_factor = shading.curvature_ridge_factor = 0.0
     if scene.view_settings.view_transform == "AgX" and scene.view_settings.look == "None":
         scene.view_settings.view_transform = "Standard"
 

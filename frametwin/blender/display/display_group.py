@@ -90,7 +90,7 @@ def _build(group: bpy.types.NodeTree) -> Generator[None, None, None]:
     yield
     struts = graph.switch("GEOMETRY", given[DASHES], struts, _dashed(graph, struts))
     yield
-    ghost = _ghost(graph, kept)
+    ghost = _ghost(graph, given, kept)
     yield
     both = graph.switch("GEOMETRY", given[GHOST], struts, _joined(graph, [struts, ghost]))
     whole = _joined(graph, [_carrier(graph, given), both])
@@ -131,6 +131,7 @@ def _without_later_batches(graph: NodeGraph, given: Any) -> bpy.types.NodeSocket
     past = graph.math("FLOOR", graph.math("DIVIDE", graph.math("SUBTRACT", frame, given[START]), given[STEP]))
     last = graph.switch("FLOAT", given[BY_TIME], given[BATCH], past)
     later = graph.math("GREATER_THAN", graph.attribute("batch"), last)
+    later = graph.math("MULTIPLY", later, graph.math("GREATER_THAN", last, -0.5))
     inputs = {"Geometry": given["Geometry"], "Selection": later}
     return first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="CURVE"))
 
@@ -232,7 +233,7 @@ def _dashed(graph: NodeGraph, tubes: Any) -> bpy.types.NodeSocket:
     return first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="FACE"))
 
 
-def _ghost(graph: NodeGraph, curves: Any) -> bpy.types.NodeSocket:
+def _ghost(graph: NodeGraph, given: Any, curves: Any) -> bpy.types.NodeSocket:
     look = LOOKS[State.PLAN]
     inputs = {
         "Geometry": _as_drawn(graph, _moved(graph, curves, -1.0)),
@@ -241,7 +242,8 @@ def _ghost(graph: NodeGraph, curves: Any) -> bpy.types.NodeSocket:
     }
     coloured = graph.node("GeometryNodeStoreNamedAttribute", inputs, data_type="FLOAT_COLOR", domain="POINT")
     circle = graph.node("GeometryNodeCurvePrimitiveCircle", {"Resolution": 3, "Radius": 1.0})
-    radius = graph.math("MULTIPLY", graph.attribute("radius"), look.radius)
+    share = graph.switch("FLOAT", given[HIGHLIGHT], look.radius, 0.4 * look.radius)
+    radius = graph.math("MULTIPLY", graph.attribute("radius"), share)
     inputs = {"Curve": coloured, "Profile Curve": circle, "Scale": radius, "Fill Caps": True}
     return first_output(graph.node("GeometryNodeCurveToMesh", inputs))
 

@@ -14,7 +14,7 @@ KEY = "frametwin_display"
 ATTRIBUTE, UNIT, FIRST, LAST, MAP = "Colour By", "Unit", "Range From", "Range To", "Colour Map"
 EXAGGERATION, DASHES, GHOST, HIGHLIGHT, SIDES = "Exaggeration", "Dash Missing", "Ghost of Plan", "Highlight", "Sides"
 BATCH, BY_TIME, START, STEP = "Up to Batch", "Batch by Time", "First Frame", "Frames a Batch"
-ALL_BATCHES = 2**31 - 1
+ALL_BATCHES = -1
 
 HIGHLIGHTED = "highlight"
 """Attribute of the struts that *Highlight* shows in full while the others are drawn thin."""
@@ -33,7 +33,7 @@ _INPUTS: tuple[tuple[str, str, Any, dict[str, Any], str], ...] = (
     (GHOST, "Bool", True, {}, "Draw the plan, thin, inside of the struts and where they should be"),
     (HIGHLIGHT, "Bool", False, {}, f"Draw struts thin but for those of the attribute {HIGHLIGHTED}"),
     (SIDES, "Int", 6, {"min_value": 3, "max_value": 32}, "Sides of a strut"),
-    (BATCH, "Int", ALL_BATCHES, {}, "Last batch that is drawn"),
+    (BATCH, "Int", ALL_BATCHES, {}, "Last batch that is drawn; -1 for all"),
     (BY_TIME, "Bool", False, {}, "Take the last batch from the timeline"),
     (START, "Int", 1, {}, "Frame of the timeline at which batch 0 begins"),
     (STEP, "Int", 24, {"min_value": 1}, "Frames of the timeline for each batch"),
