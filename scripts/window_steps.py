@@ -235,6 +235,39 @@ def the_legend_is_seen() -> Waits:
     assert differing("with", "without") > 1000, differing("with", "without")
 
 
+def the_inspect_workspace() -> Waits:
+    yield from command("FrameTwin: Inspect")
+    window = bpy.context.window_manager.windows[0]
+    yield from until(lambda: window.workspace.name == "Inspect" and len(window.screen.areas) == 2)
+    yield 3 * BLINK
+    (editor,) = areas("IMAGE_EDITOR")
+    assert Path(editor.spaces.active.image.filepath).stem == bpy.context.scene.camera.name
+    yield from command("FrameTwin: Pick Strut")
+    region, strut = region_of(view()), 40
+    yield from point_at(region, *pixel_of(strut, region))
+    xdotool("mousedown", 1)
+    yield BLINK
+    xdotool("mouseup", 1)
+    yield 3 * BLINK
+    picked = bpy.context.window_manager.frametwin_inspect.at
+    near = np.linalg.norm(np.subtract(pixel_of(picked, region), pixel_of(strut, region)))
+    assert picked == strut or near < 60.0, (picked, strut, near)
+    shot("inspect")
+    window.workspace = bpy.data.workspaces["Layout"]
+    yield 3 * BLINK
+
+
+def pixel_of(strut: int, region: bpy.types.Region) -> tuple[float, float]:
+    """Where the middle of a strut of the twin is in a 3D view."""
+    from bpy_extras.view3d_utils import location_3d_to_region_2d
+
+    from frametwin.twin.runs import load_run
+
+    control = load_run(Path(settings().twin["frametwin_run"]))[0].control_points[strut]
+    x, y = location_3d_to_region_2d(region, view().spaces.active.region_3d, control.mean(axis=0).tolist())
+    return float(x), float(y)
+
+
 def hidden_things_come_back() -> Waits:
     plan = settings().plan
     assert not plan.visible_get()
@@ -253,6 +286,7 @@ STEPS = (
     files_are_dropped,
     the_legend_is_seen,
     hidden_things_come_back,
+    the_inspect_workspace,
 )
 
 

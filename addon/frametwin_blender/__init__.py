@@ -10,11 +10,14 @@ from . import (
     computing,
     deform,
     fit,
+    inspect_struts,
+    inspect_view,
     jobs_in_view,
     legend,
     menus,
     opening,
     overlay,
+    pick_strut,
     plan,
     preferences,
     printing,
@@ -30,11 +33,12 @@ from . import (
 if computing.HAS_SET_UP:
     from . import set_up
 
-MODULES = (properties, preferences, status, plan, deform, cameras, render, fit, twin, adapt, printing)
+MODULES = (properties, preferences, status, inspect_struts, plan, deform, cameras, render, fit, twin, adapt, printing)
 """In the order of their panels."""
 
-WITHOUT_PANELS = (session, show_hide, support, opening, overlay, menus, *((set_up,) if computing.HAS_SET_UP else ()))
-CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS) for cls in module.CLASSES)
+WITHOUT_PANELS = (session, show_hide, support, opening, overlay, inspect_view, pick_strut, menus)
+OPTIONAL = (set_up,) if computing.HAS_SET_UP else ()
+CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS, *OPTIONAL) for cls in module.CLASSES)
 
 
 def register() -> None:
@@ -46,9 +50,11 @@ def register() -> None:
     jobs_in_view.register()
     status.register()
     menus.register()
+    inspect_struts.register()
 
 
 def unregister() -> None:
+    inspect_struts.unregister()
     menus.unregister()
     status.unregister()
     jobs_in_view.unregister()

@@ -18,7 +18,7 @@ STEPS: tuple[tuple[str, ...], ...] = (
     ("make_rig", "import_cameras", "step_camera", "show_pictures", "hide_pictures", "picture_beside"),
     ("render",),
     ("open_capture", "fit", "import_run"),
-    ("step_strut", "leave_struts", "export_twin", "remove_twin"),
+    ("inspect", "step_strut", "leave_struts", "list_struts", "pick_strut", "export_twin", "remove_twin"),
     ("adapt", "export_adapted"),
     ("simulate_print", "plan_print", "answer_print", "show_job", "step_batch", "remove_jobs"),
     ("cancel", "open_preferences", "test_python", *(("set_up", "show_set_up_log") if HAS_SET_UP else ())),

@@ -68,7 +68,8 @@ def words_of(views: list[dict[str, Any]]) -> str:
     worst = max(views, key=lambda view: view["left_out"] + view["beyond"])
     left_out, beyond = (sum(view[name] for view in views) / len(views) for name in ("left_out", "beyond"))
     return (
-        f"{100.0 * left_out:.1f} % of the print is not in the twin, {100.0 * beyond:.1f} % of the twin is not in the pictures;"
+        f"{100.0 * left_out:.1f} % of the print is not in the twin,"
+        f" {100.0 * beyond:.1f} % of the twin is not in the pictures;"
         f" most in {worst['name']} ({100.0 * worst['left_out']:.1f} % and {100.0 * worst['beyond']:.1f} %)"
     )
 

@@ -18,8 +18,8 @@ from . import session
 def show_colours(scene: bpy.types.Scene) -> None:
     """Let the 3D views show colours of attributes, and the scene's pictures as they are, where nobody chose otherwise.
 
-    Only what is as Blender comes is changed: Solid shading by materials in studio light, and the view transform AgX, which would make
-    other colours of those in the legend.
+    Only what is as Blender comes is changed: Solid shading by materials in studio light, and the view transform AgX,
+    which would make other colours of those in the legend.
     """
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:

@@ -9,7 +9,7 @@ from frametwin.blender.background.status import Status
 
 from . import session
 from .next_step import next_step
-from .steps import Panel, draw_bar, end_icon, write_text
+from .steps import BUTTON, Panel, draw_bar, end_icon, write_text
 
 LONGEST = 120
 """Most characters of how a job ended in the status bar; the panel has all of them."""
@@ -102,10 +102,10 @@ class FRAMETWIN_PT_status(Panel, bpy.types.Panel):
             return
         if status.message:
             row = self.layout.row()
-            write_text(row, f"{status.title}: {status.message}", context, end_icon(status))
+            write_text(row, f"{status.title}: {status.message}", context, end_icon(status), BUTTON)
             row.operator("frametwin.dismiss", text="", icon="X", emboss=False)
         row = self.layout.row()
-        write_text(row, next_step(context), context, "FORWARD")
+        write_text(row, next_step(context), context, "FORWARD", BUTTON)
         row.operator("frametwin.show_help", text="", icon="HELP", emboss=False)
 
 

@@ -123,10 +123,12 @@ def is_free(cls: type[Any]) -> bool:
     return needs(cls, not session.runner.busy, "Something is under way already: wait for it, or cancel it")
 
 
-def write_text(layout: bpy.types.UILayout, text: str, context: bpy.types.Context, icon: str = "NONE") -> None:
-    """A text on as many lines as the sidebar needs."""
+def write_text(
+    layout: bpy.types.UILayout, text: str, context: bpy.types.Context, icon: str = "NONE", beside: float = 0.0
+) -> None:
+    """A text on as many lines as the sidebar needs; ``beside`` is what else stands in the row, in pixels."""
     scale = context.preferences.system.ui_scale
-    width = (context.region.width if context.region else 260) / scale - (60 if icon != "NONE" else 36)
+    width = (context.region.width if context.region else 260) / scale - (60 if icon != "NONE" else 36) - beside
     column = layout.column(align=True)
     column.scale_y = 0.75
     for i, line in enumerate(wrapped(text, max(12, int(width / CHARACTER)))):

@@ -83,11 +83,14 @@ def badness_of(shown: TwinObjects, name: str) -> np.ndarray:
     return quantity_named(found.quantity).badness(found.values)
 
 
-def look_at_struts(context: bpy.types.Context, shown: TwinObjects, struts: np.ndarray, margin: float = MARGIN) -> None:
-    """Highlight struts of the twin, and move the view to them."""
+def look_at_struts(
+    context: bpy.types.Context, shown: TwinObjects, struts: np.ndarray, margin: float = MARGIN, move: bool = True
+) -> None:
+    """Highlight struts of the twin, and move the view to them if ``move``."""
     make_active(shown.twin, select=False)
     highlight_struts(shown.twin, struts)
-    see(context, places_of(context, shown, struts), margin)
+    if move:
+        see(context, places_of(context, shown, struts), margin)
 
 
 def places_of(context: bpy.types.Context, shown: TwinObjects, struts: Any = slice(None)) -> np.ndarray:

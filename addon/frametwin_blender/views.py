@@ -70,6 +70,11 @@ def see(context: bpy.types.Context, points: np.ndarray, margin: float = MARGIN) 
         return
 
 
+def is_through_camera(context: bpy.types.Context) -> bool:
+    """Whether the first 3D view looks through a camera."""
+    return any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area, _ in [*views_of(context)][:1])
+
+
 def look_through_camera(context: bpy.types.Context, width: float | None = None) -> None:
     """Let the first 3D view look through the scene's camera, all of its picture beside the sidebar.
 
