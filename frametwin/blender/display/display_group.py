@@ -86,16 +86,19 @@ def _build(group: bpy.types.NodeTree) -> Generator[None, None, None]:
     exaggerated = _exaggerated(graph, given, kept)
     yield
     coloured = yield from _coloured_steps(graph, given, exaggerated)
-    struts = _tubes(graph, coloured, _scale(graph, given), given)
+    radius = _scale(graph, given)
     yield
-    struts = graph.switch("GEOMETRY", given[DASHES], struts, _dashed(graph, struts))
+    broken = graph.node("GeometryNodeSeparateGeometry", {0: coloured, 1: graph.attribute("missing")}, domain="CURVE")
+    whole, parts = (_tubes(graph, broken.outputs[i], radius, given) for i in (1, 0))
+    yield
+    parts = graph.switch("GEOMETRY", given[DASHES], parts, _dashed(graph, parts))
     yield
     ghost = _ghost(graph, given, kept)
     yield
-    both = graph.switch("GEOMETRY", given[GHOST], struts, _joined(graph, [struts, ghost]))
-    whole = _joined(graph, [_carrier(graph, given), both])
+    shown = graph.switch("GEOMETRY", given[GHOST], None, ghost)
+    drawn = _joined(graph, [_carrier(graph, given), whole, parts, shown])
     yield
-    smooth = graph.node("GeometryNodeSetShadeSmooth", {0: whole})
+    smooth = graph.node("GeometryNodeSetShadeSmooth", {0: drawn})
     drawn = graph.node("GeometryNodeSetMaterial", {"Geometry": smooth, "Material": display_material()})
     graph.node("NodeGroupOutput", {"Geometry": drawn})
     set_menu(group)
@@ -131,9 +134,10 @@ def _without_later_batches(graph: NodeGraph, given: Any) -> bpy.types.NodeSocket
     past = graph.math("FLOOR", graph.math("DIVIDE", graph.math("SUBTRACT", frame, given[START]), given[STEP]))
     last = graph.switch("FLOAT", given[BY_TIME], given[BATCH], past)
     later = graph.math("GREATER_THAN", graph.attribute("batch"), last)
-    later = graph.math("MULTIPLY", later, graph.math("GREATER_THAN", last, -0.5))
     inputs = {"Geometry": given["Geometry"], "Selection": later}
-    return first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="CURVE"))
+    fewer = first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="CURVE"))
+    all_of_it = graph.math("LESS_THAN", last, -0.5)
+    return graph.switch("GEOMETRY", all_of_it, fewer, given["Geometry"])
 
 
 def _exaggerated(graph: NodeGraph, given: Any, curves: Any) -> bpy.types.NodeSocket:
