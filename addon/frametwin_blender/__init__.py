@@ -27,6 +27,7 @@ from . import (
     show_hide,
     status,
     support,
+    translations,
     twin,
 )
 
@@ -45,6 +46,7 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.frametwin = bpy.props.PointerProperty(type=properties.FrameTwinSettings)
+    translations.register()
     session.register()
     legend.register()
     jobs_in_view.register()
@@ -60,6 +62,7 @@ def unregister() -> None:
     jobs_in_view.unregister()
     legend.unregister()
     session.unregister()
+    translations.unregister()
     del bpy.types.Scene.frametwin
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

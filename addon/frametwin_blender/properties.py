@@ -22,6 +22,7 @@ from frametwin.blender.display.twins import is_twin
 from .frames_offered import FRAME_ITEMS
 from .in_view import can_be_chosen, plan_chosen, twin_chosen
 from .recolour import recolour_active, recolour_afresh, restyle_active
+from .translations import in_own_context
 
 PRESETS = (
     ("fast", "Fast", "Blurred rods and second-order steps: seconds on a laptop, the most accurate"),
@@ -187,7 +188,9 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         description="Of the pictures in the cameras",
         update=restyle_active,
     )
-    overlay: EnumProperty(name="Overlay", items=OVERLAYS)  # type: ignore[valid-type]
+    overlay: EnumProperty(  # type: ignore[valid-type]
+        name="Overlay", description="What lies over the views of the cameras", items=OVERLAYS
+    )
     front: BoolProperty(  # type: ignore[valid-type]
         name="In Front",
         description="Draw the pictures before the curves rather than behind them",
@@ -363,3 +366,5 @@ CLASSES = (
     FrameTwinView,
     FrameTwinSettings,
 )
+
+in_own_context(CLASSES)

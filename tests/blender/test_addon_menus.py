@@ -191,3 +191,13 @@ def test_the_status_bar_tells_how_a_job_ended_until_it_is_dismissed(tab: Any, tm
     cases.pump_until_done()
     assert session.runner.status.cancelled and cases.addon("steps").end_icon(session.runner.status) == "CANCEL"
     assert not ops.cancel_by_key.poll()
+
+
+def test_every_translated_word_is_one_that_the_tab_shows(tab: Any) -> None:
+    translations = cases.addon("translations")
+    folder = Path(translations.__file__).parent
+    code = "\n".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "translations.py")
+    assert not [word for word in translations.WORDS if f'"{word}"' not in code]
+    for language in translations.catalogue().values():
+        assert all(text.strip() and text == text.strip() for text in language.values())
+    assert cases.addon("plan").FRAMETWIN_PT_plan.bl_translation_context == translations.CONTEXT
