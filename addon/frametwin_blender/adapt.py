@@ -9,13 +9,14 @@ import bpy
 from frametwin.blender.background.keeping import keep
 from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.display.adapted import find_adapted, show_adapted_steps
-from frametwin.blender.display.exports import export_curve
+from frametwin.blender.display.display_inputs import GHOST
+from frametwin.blender.display.exports import export_struts
 from frametwin.blender.display.twins import find_twin
-from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.errors import InputError
 
 from . import session
 from .computing import can_compute, worker_job
+from .display_inputs import draw_input
 from .fit import start_run, was_fitted_with_torch
 from .preferences import draw_python
 from .steps import Panel, SaveStep, Step, draw_progress, draw_shown, needs, twin_of, write_text
@@ -33,7 +34,7 @@ def adapt_job(context: bpy.types.Context) -> Job:
     """
     collection = twin_of(context)
     collection_now, scene_now = keep(collection), keep(context.scene)
-    frame = wireframe_from_curve(find_twin(collection).plan, evaluated=False)
+    frame = find_twin(collection).plan()
     if frame.printed.all():
         remedy = "fit a capture in which struts are still to be printed (Deform > Printed)"
         raise InputError(f"All struts of {frame.name} are printed, so nothing is left to adapt: {remedy}.")
@@ -75,7 +76,7 @@ class FRAMETWIN_OT_export_adapted(SaveStep, bpy.types.Operator):
     check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
 
     def default_name(self, context: bpy.types.Context) -> str:
-        return find_adapted(twin_of(context)).after.name
+        return find_adapted(twin_of(context)).struts.name
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -84,7 +85,7 @@ class FRAMETWIN_OT_export_adapted(SaveStep, bpy.types.Operator):
 
     def act(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))
-        export_curve(find_adapted(twin_of(context)).after, path)
+        export_struts(find_adapted(twin_of(context)).struts, path)
         return f"Wrote {path}"
 
 
@@ -105,7 +106,8 @@ class FRAMETWIN_PT_adapt(Panel, bpy.types.Panel):
             layout.operator("frametwin.adapt", text="Adapt", icon="MOD_CURVE")
         adapted = find_adapted(twin)
         if adapted is not None:
-            draw_shown(layout, ("Planned", adapted.before), ("Adapted", adapted.after))
+            draw_shown(layout, ("Adapted", adapted.struts))
+            draw_input(layout, adapted.struts, GHOST, "Planned", toggle=True)
             layout.operator("frametwin.export_adapted", text="Export Adapted", icon="EXPORT")
 
 

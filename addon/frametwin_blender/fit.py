@@ -24,7 +24,7 @@ from .folders import fresh_folder, given_folder, work_folder
 from .in_view import hide, twin_shows
 from .plan import take_plan
 from .preferences import draw_python
-from .recolour import wanted_colours
+from .recolour import show_colours, wanted_colours
 from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, write_text
 from .views import see
 
@@ -57,7 +57,7 @@ def fit_job(context: bpy.types.Context) -> Job:
         shown = yield from show_twin_steps(content, scene=scene, colours=colours)
         take_twin(scene.frametwin, shown)
         if not user_is_editing():
-            make_active(shown.twin)
+            make_active(shown.twin, select=False)
         return words_of(content)
 
     return worker_job(
@@ -109,6 +109,7 @@ def take_twin(settings: bpy.types.PropertyGroup, shown: TwinObjects) -> None:
     if settings.view.quantity not in shown.values:
         settings.twin, settings.view.quantity = None, "displacement"
     settings.twin = shown.collection
+    show_colours(settings.id_data)
     hide(settings.plan)
     hide(settings.print_object)
 
@@ -155,6 +156,8 @@ def import_run(context: bpy.types.Context, folder: Path) -> str:
     colours = wanted_colours(settings_of(context).view, content.values)
     shown = run_steps(show_twin_steps(content, scene=context.scene, colours=colours))
     take_twin(settings_of(context), shown)
+    if not user_is_editing():
+        make_active(shown.twin, select=False)
     return words_of(content)
 
 

@@ -11,7 +11,6 @@ from frametwin.blender.display.print_jobs import ROLE_KEY as JOB_ROLE
 from frametwin.blender.display.prints import is_made_print
 from frametwin.blender.display.twins import ROLE_KEY as TWIN_ROLE
 from frametwin.blender.display.twins import find_twin
-from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.blender.frames.plan_objects import is_added_plan
 from frametwin.blender.frames.plans import READABLE
 from frametwin.blender.scene import visibility
@@ -120,7 +119,7 @@ def twin_shows(context: bpy.types.Context, frame: Wireframe) -> bool:
     if twin is None:
         return False
     try:
-        plan = wireframe_from_curve(find_twin(twin).plan, evaluated=False)
+        plan = find_twin(twin).plan()
     except InputError:
         return False
     return np.array_equal(plan.control_points, frame.control_points)

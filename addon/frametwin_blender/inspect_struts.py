@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 import numpy as np
 
+from frametwin.blender.display.quantities import QUANTITIES
 from frametwin.blender.display.twin_records import load_values
 from frametwin.blender.display.twins import RUN_KEY, find_twin
 from frametwin.errors import FrameTwinError, InputError
@@ -14,7 +15,6 @@ from frametwin.twin.runs import load_run
 
 from . import session
 from .in_view import show_twin
-from .properties import QUANTITIES
 from .steps import Panel, Step, needs, settings_of, twin_of, write_text
 from .strut_table import BATCH, INDEX, StrutTable
 from .translations import in_own_context
@@ -22,7 +22,7 @@ from .twin import AROUND, look_at_struts, torn_struts
 from .views import is_through_camera
 
 WORKSPACE = "Inspect"
-NAMES = {key: name for key, name, _ in QUANTITIES}
+NAMES = {key: quantity.name for key, quantity in QUANTITIES.items() if key != BATCH}
 table: StrutTable | None = None
 
 

@@ -13,6 +13,7 @@ from frametwin.blender.scene import visibility
 from frametwin.printing.records.history import PrintHistory
 
 from .in_view import hide, hide_twin, show_twin
+from .recolour import show_colours
 from .views import corners_of, see, write_label
 
 TIMELINE = ("frame_current", "frame_start", "frame_end")
@@ -68,7 +69,8 @@ def hide_for_jobs(scene: bpy.types.Scene) -> None:
 
 
 def show_whole(scene: bpy.types.Scene) -> None:
-    """Go to the end of the timeline, where all has been printed, with all jobs whole in view."""
+    """Go to the end of the timeline, where all has been printed, with all jobs whole in view, in their colours."""
+    show_colours(scene)
     scene.frame_set(scene.frame_end)
     with window_of(scene):
         see(bpy.context, corners_of(_visible(jobs_in(scene), bpy.context.view_layer)))

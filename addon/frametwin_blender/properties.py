@@ -15,6 +15,8 @@ from bpy.props import (
     StringProperty,
 )
 
+from frametwin.blender.display.colours import MAPS
+from frametwin.blender.display.quantities import QUANTITIES
 from frametwin.blender.display.twins import is_twin
 
 from .frames_offered import FRAME_ITEMS
@@ -31,18 +33,11 @@ PRESETS = (
     ("deformation-driven", "Deformation-driven", "Sparse control nodes, for comparison"),
 )
 
-QUANTITIES = (
-    ("displacement", "Displacement", "Mean distance from the plan, in mm"),
-    ("displacement_max", "Largest displacement", "Largest distance from the plan along each strut, in mm"),
-    ("opacity", "Opacity", "Mean opacity: how much of the strut the pictures show"),
-    ("completeness", "Completeness", "Share of the strut that is really there"),
-    ("thickness", "Thickness", "Mean radius, in mm"),
-    ("confidence", "Confidence", "How well the views tell where the strut is: 0 not at all, 1 well"),
-    ("sigma", "Standard deviation", "How far the strut may be off across itself, in mm: one standard deviation"),
-    ("sigma_along", "Deviation along", "How far the strut may be off along itself, in mm: one standard deviation"),
-    ("gap", "Torn ends", "How far an end of the strut is from its joint, in mm; 0 for ends that are not torn"),
-    ("error", "Error", "Mean distance from the truth, in mm, where the capture has one"),
-    ("error_max", "Largest error", "Largest distance from the truth along each strut, in mm"),
+COLOURS = tuple((found.key, found.name, found.description) for found in QUANTITIES.values())
+
+COLOUR_MAPS = (
+    ("suitable", "Suitable Colours", "The map that suits the quantity"),
+    *((name, name, f"Colours from {name.lower()}") for name in MAPS),
 )
 
 OVERLAYS = (
@@ -288,12 +283,18 @@ class FrameTwinView(bpy.types.PropertyGroup):
     """How a twin is looked at."""
 
     quantity: EnumProperty(  # type: ignore[valid-type]
-        name="Colour by", description="What the colours of the struts show", items=QUANTITIES, update=recolour_afresh
+        name="Colour by", description="What the colours of the struts show", items=COLOURS, update=recolour_afresh
+    )
+    colour_map: EnumProperty(  # type: ignore[valid-type]
+        name="Colour Map",
+        description="Colours from the good end of the range to the bad one",
+        items=COLOUR_MAPS,
+        update=recolour_active,
     )
     automatic: BoolProperty(  # type: ignore[valid-type]
         name="Automatic Range",
         default=True,
-        description="From 0 to the highest value",
+        description="The range of the values; from 0 where high values are the bad ones",
         update=recolour_active,
     )
     low: FloatProperty(name="Low", description="Lower end of the colours", update=recolour_active)  # type: ignore[valid-type]
@@ -304,7 +305,7 @@ class FrameTwinView(bpy.types.PropertyGroup):
         name="Legend", default=True, description="Draw what the colours mean into the viewport"
     )
     count: IntProperty(  # type: ignore[valid-type]
-        name="Worst", default=10, min=1, description="How many struts of the highest value are selected"
+        name="Worst", default=10, min=1, description="How many of the worst struts are highlighted"
     )
     at: IntProperty(description="Place of the strut that was stepped to, among the worst", default=-1)  # type: ignore[valid-type]
     at_words: StringProperty(description="What there is to say of that strut")  # type: ignore[valid-type]

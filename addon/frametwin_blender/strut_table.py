@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frametwin.blender.display.quantities import quantity_named
 from frametwin.blender.display.statistics import StrutValues
 
 INDEX, BATCH = "index", "batch"
-LOW_IS_BAD = ("completeness", "confidence", "opacity")
-"""Quantities of which the lowest values are the worst."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +44,7 @@ class StrutTable:
         if by == BATCH:
             keys = self.batch.astype(np.float64)
         elif by in self.values:
-            found = self.values[by].values
-            keys = found if by in LOW_IS_BAD else -found
+            keys = -quantity_named(by).badness(self.values[by].values)
         else:
             keys = np.arange(self.count, dtype=np.float64)
         order = np.argsort(-keys if reverse else keys, kind="stable")

@@ -3,21 +3,26 @@
 # No postponed annotations here: Blender reads them as properties.
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 import numpy as np
 
+from frametwin.blender.display.display_inputs import BATCH, DASHES, EXAGGERATION, GHOST
 from frametwin.blender.display.exports import export_twin
+from frametwin.blender.display.highlights import clear_highlight, highlight_struts
+from frametwin.blender.display.quantities import LOW, quantity_named
 from frametwin.blender.display.statistics import StrutValues, statistics_of, worst_struts
 from frametwin.blender.display.twin_records import load_values, load_verdict
-from frametwin.blender.display.twins import ROLE_KEY, TwinObjects, find_twin, remove_twin
-from frametwin.blender.frames.plan_objects import make_active, points_of, show_struts
+from frametwin.blender.display.twins import TwinObjects, find_twin, remove_twin, twin_object
+from frametwin.blender.frames.plan_objects import make_active
 from frametwin.blender.scene import visibility
+from frametwin.blender.scene.units import mm_per_unit
 from frametwin.blender.views.framing import MARGIN
 from frametwin.errors import InputError
 from frametwin.twin.verdict import GOOD, Verdict
 
+from .display_inputs import draw_input
 from .in_view import show_twin
 from .steps import (
     Panel,
@@ -38,12 +43,12 @@ REASONS = 3
 """Of the verdict that are shown."""
 
 KINDS = (
-    ("worst", "Worst", "Those of the highest value of what the colours show"),
+    ("worst", "Worst", "Those of the worst values of what the colours show"),
     ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
     ("uncertain", "Uncertain", "Those that the views cannot place"),
     ("torn", "Torn", "Those an end of which hangs beside its joint"),
 )
-"""Struts that are selected together."""
+"""Struts that are highlighted together."""
 
 AROUND = 2.5
 """How much more than a strut that is stepped to is seen, in its lengths."""
@@ -58,7 +63,7 @@ def chosen_struts(context: bpy.types.Context, kind: str) -> np.ndarray:
         If the twin has none.
     """
     shown, view = find_twin(twin_of(context)), settings_of(context).view
-    worst = worst_struts(quantity_of(shown, view.quantity).values, view.count)
+    worst = worst_struts(badness_of(shown, view.quantity), view.count)
     found = {"worst": worst, "missing": shown.missing, "uncertain": shown.uncertain, "torn": torn_struts(shown.values)}
     struts = found[kind]
     if not len(struts):
@@ -72,19 +77,25 @@ def torn_struts(values: Mapping[str, StrutValues]) -> np.ndarray:
     return np.zeros(0, dtype=np.int64) if gap is None else np.flatnonzero(np.nan_to_num(gap.values) > 0.0)
 
 
-def quantity_of(shown: TwinObjects, name: str) -> StrutValues:
-    """One quantity of the struts; of completeness and confidence, the lowest values are the worst."""
+def badness_of(shown: TwinObjects, name: str) -> np.ndarray:
+    """(E,) how bad each strut is by one quantity: of confidence and the like, the lowest values are the worst."""
     found = shown.values.get(name, shown.values["displacement"])
-    low_is_bad = found.quantity in ("completeness", "confidence", "opacity")
-    return StrutValues(found.quantity, found.unit, -found.values) if low_is_bad else found
+    return quantity_named(found.quantity).badness(found.values)
 
 
 def look_at_struts(
     context: bpy.types.Context, shown: TwinObjects, struts: np.ndarray, margin: float = MARGIN, move: bool = True
 ) -> None:
-    """Select struts of the twin, and move the view to them if ``move``."""
-    if show_struts(shown.twin, struts.tolist()) and move:
-        see(context, points_of(shown.twin, chosen=True), margin)
+    """Highlight struts of the twin, and move the view to them if ``move``."""
+    make_active(shown.twin, select=False)
+    highlight_struts(shown.twin, struts)
+    if move:
+        see(context, places_of(context, shown, struts), margin)
+
+
+def places_of(context: bpy.types.Context, shown: TwinObjects, struts: Any = slice(None)) -> np.ndarray:
+    """(N, 3) control points of struts of the twin, in Blender units."""
+    return shown.frame().control_points[struts].reshape(-1, 3) / mm_per_unit(context.scene)
 
 
 class _TwinStep(Step):
@@ -94,10 +105,10 @@ class _TwinStep(Step):
 
 
 class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
-    """Select struts of the twin, in Edit Mode"""
+    """Show struts of the twin in full and the others thin"""
 
     bl_idname = "frametwin.select_struts"
-    bl_label = "FrameTwin: Select Struts"
+    bl_label = "FrameTwin: Highlight Struts"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     kind: bpy.props.EnumProperty(  # type: ignore[valid-type]
@@ -107,16 +118,13 @@ class FRAMETWIN_OT_select_struts(_TwinStep, bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        return f"Select the {properties.kind} struts of the twin, in Edit Mode"
+        return f"Show the {properties.kind} struts of the twin in full and the others thin"
 
     def act(self, context: bpy.types.Context) -> str:
         struts = chosen_struts(context, self.kind)
         show_twin(twin_of(context), context.view_layer)
-        twin = find_twin(twin_of(context)).twin
-        count = show_struts(twin, struts)
-        if count:
-            see(context, points_of(twin, chosen=True))
-        return f"{count} struts selected"
+        look_at_struts(context, find_twin(twin_of(context)), struts)
+        return f"{len(struts)} struts highlighted"
 
 
 class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
@@ -141,7 +149,7 @@ class FRAMETWIN_OT_step_strut(_TwinStep, bpy.types.Operator):
 
 
 class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
-    """Back to Object Mode, with the whole twin selected"""
+    """Show all struts of the twin in full again"""
 
     bl_idname = "frametwin.leave_struts"
     bl_label = "FrameTwin: Whole Twin"
@@ -149,10 +157,11 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
 
     def act(self, context: bpy.types.Context) -> None:
         show_twin(twin_of(context), context.view_layer)
-        twin = find_twin(twin_of(context)).twin
-        make_active(twin)
+        shown = find_twin(twin_of(context))
+        make_active(shown.twin, select=False)
+        clear_highlight(shown.twin)
         settings_of(context).view.at, settings_of(context).view.at_words = -1, ""
-        see(context, points_of(twin))
+        see(context, places_of(context, shown))
 
 
 class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
@@ -220,6 +229,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             write_text(layout, "This twin does not say.", context, "INFO")
         counts = {"missing": len(missing), "uncertain": len(uncertain), "torn": len(torn_struts(values))}
         self._draw_selection(layout, settings.view, counts)
+        self._draw_display(layout, twin_object(collection))
         self._draw_objects(layout, settings, collection)
         layout.operator("frametwin.export_twin", text="Export Twin", icon="EXPORT")
 
@@ -241,11 +251,25 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             row.prop(view, "low", text="")
             row.prop(view, "high", text="")
         row.prop(view, "legend", text="", icon="COLOR", toggle=True)
+        layout.prop(view, "colour_map", text="")
+
+    def _draw_display(self, layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> None:
+        if obj is None:
+            return
+        draw_input(layout, obj, EXAGGERATION, "Exaggeration", slider=True)
+        row = layout.row(align=True)
+        for name, text in ((DASHES, "Dashes"), (GHOST, "Plan")):
+            draw_input(row, obj, name, text, toggle=True)
+        draw_input(layout, obj, BATCH, "Up to Batch")
 
     def _draw_statistics(self, layout: bpy.types.UILayout, found: StrutValues) -> None:
         numbers = statistics_of(found.values)
+        if quantity_named(found.quantity).bad == LOW:
+            rows = (("Mean", numbers.mean), ("5th percentile", numbers.p5), ("Lowest", numbers.min))
+        else:
+            rows = (("Mean", numbers.mean), ("95th percentile", numbers.p95), ("Highest", numbers.max))
         box = layout.box().column(align=True)
-        for name, value in (("Mean", numbers.mean), ("95th percentile", numbers.p95), ("Highest", numbers.max)):
+        for name, value in rows:
             row = box.row()
             row.label(text=name)
             figure = row.row()
@@ -272,10 +296,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
     def _draw_objects(
         self, layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, collection: bpy.types.Collection
     ) -> None:
-        shown = {obj.get(ROLE_KEY): obj for obj in collection.objects}
-        draw_shown(
-            layout, ("As Planned", shown.get("plan")), ("Twin", shown.get("twin")), ("Print", settings.print_object)
-        )
+        draw_shown(layout, ("Twin", twin_object(collection)), ("Print", settings.print_object))
 
 
 CLASSES = (

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from worker_cases import is_gone, script, until, worker_python
 
+from frametwin.blender.display.highlights import highlighted_struts
 from frametwin.blender.display.preview import KEY as PREVIEW
 from frametwin.blender.display.twins import find_twin
-from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.errors import InputError
 from frametwin.formats import read_frame
 
@@ -50,8 +50,8 @@ def test_the_curves_move_while_a_fit_runs_and_cancelling_ends_it(tab: Any, sessi
     assert not ops.fit.poll() and not ops.sag.poll()
     cases.pump_until(lambda: any(PREVIEW in obj for obj in scene.objects))
     shown = next(obj for obj in scene.objects if PREVIEW in obj)
-    first = [tuple(vertex.co) for vertex in shown.data.vertices]
-    cases.pump_until(lambda: [tuple(vertex.co) for vertex in shown.data.vertices] != first)
+    first = [tuple(point.position) for point in shown.data.points]
+    cases.pump_until(lambda: [tuple(point.position) for point in shown.data.points] != first)
     assert session.runner.status.total and "loss" in session.runner.status.line
     pids = session.runner.pids
     ops.cancel()
@@ -79,7 +79,7 @@ def test_a_worker_that_is_killed_is_reported_and_the_next_fit_works(tab: Any, se
     ops.fit()
     assert "struts found" in cases.pump_until_done()
     plan = read_frame(Path(tab.fit.capture))
-    np.testing.assert_array_equal(wireframe_from_curve(find_twin(tab.twin).twin).edges, plan.edges)
+    np.testing.assert_array_equal(find_twin(tab.twin).frame().edges, plan.edges)
 
 
 def test_a_python_that_is_missing(
@@ -341,7 +341,7 @@ def test_a_fit_that_was_saved_in_the_middle_leaves_no_curves_in_the_file(
     assert not session.runner.busy and not session.runner.status.message  # of another file
 
 
-def test_what_is_hidden_is_shown_to_have_its_struts_selected(tab: Any, session: Any) -> None:
+def test_what_is_hidden_is_shown_to_have_its_struts_highlighted(tab: Any, session: Any) -> None:
     ops.open_capture()
     ops.sag()
     cases.pump_until_done()
@@ -353,14 +353,12 @@ def test_what_is_hidden_is_shown_to_have_its_struts_selected(tab: Any, session: 
     twin = find_twin(tab.twin).twin
     twin.hide_set(True)
     ops.step_strut(step=1)
-    assert bpy.context.mode == "EDIT_CURVE" and twin.visible_get()
-    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.context.mode == "OBJECT" and twin.visible_get() and len(highlighted_struts(twin)) == 1
     eye = bpy.context.view_layer.layer_collection.children[tab.twin.name]
     for way in ("hide_viewport", "exclude"):
         setattr(eye, way, True)
         ops.select_struts(kind="worst")
-        assert bpy.context.mode == "EDIT_CURVE" and twin.visible_get()
-        bpy.ops.object.mode_set(mode="OBJECT")
+        assert bpy.context.mode == "OBJECT" and twin.visible_get()
     ops.remove_twin()
     assert tab.print_object.visible_get() and not tab.plan.visible_get()
 

@@ -21,7 +21,8 @@ from frametwin.blender.display.print_jobs import (
     jobs_in,
     place_shift,
 )
-from frametwin.blender.frames.curves import wireframe_from_curve, wireframe_to_curve
+from frametwin.blender.frames.curves import wireframe_to_curve
+from frametwin.blender.frames.strut_curves import recorded_frame
 from frametwin.capture.image_files import decode_png
 from frametwin.geometry.parametric import named_frame
 from frametwin.printing.records.history import read_history
@@ -68,12 +69,12 @@ def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any
         assert batch_shown(adapted, scene.frame_current) == inner
         shown = [obj for obj in adapted.all_objects if not obj.hide_viewport]
         assert set(shown) == set(inner.objects)
-        standing = wireframe_from_curve(roles(inner)["standing"])
+        standing = recorded_frame(roles(inner)["standing"])
         np.testing.assert_array_equal(standing.control_points, batch.standing.control_points[batch.standing.printed])
         following = roles(inner).get("next")
         left = ~batch.adapted.printed & ~np.isin(np.arange(76), batch.lost)
         assert (following is None) == (not left.any())
-    beside = wireframe_from_curve(roles(blind.children[0])["plan"])
+    beside = recorded_frame(roles(blind.children[0])["plan"])
     shift = place_shift(history.design, 1)[:3, 3]
     np.testing.assert_allclose(beside.vertices, named_frame("bridge").vertices + shift, atol=1e-4)
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from frametwin.blender.background.stepwise import run_steps
-from frametwin.blender.display.colours import BINS, MISSING, UNKNOWN, colour_map, colour_twin
-from frametwin.blender.display.statistics import StrutValues, statistics_of, worst_struts
+from frametwin.blender.display.colours import BINS, LOOKS, MAPS, MISSING_COLOUR, State, colour_map
+from frametwin.blender.display.statistics import statistics_of, worst_struts
 from frametwin.blender.display.twin_records import load_verdict
 from frametwin.blender.display.twins import (
     RUN_KEY,
@@ -24,7 +24,7 @@ from frametwin.blender.display.twins import (
     show_twin,
     show_twin_steps,
 )
-from frametwin.blender.frames.curves import wireframe_from_curve
+from frametwin.blender.frames.strut_curves import read_attribute
 from frametwin.errors import InputError
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
@@ -48,27 +48,29 @@ def shifted(frame: Wireframe, shift: Any) -> Twin:
     )
 
 
-def indices(obj: bpy.types.Object) -> np.ndarray:
-    return np.array([spline.material_index for spline in obj.data.splines])
-
-
 def test_a_run_folder_is_shown_and_removed(scene: Any, rich_frame: Wireframe, tmp_path: Path) -> None:
     twin = shifted(rich_frame, [3.0, 4.0, 0.0])
     write_twin(tmp_path, twin)
     frame_json.write(tmp_path / "frame.json", rich_frame)
     shown = import_twin(tmp_path)
-    found = wireframe_from_curve(shown.twin)
+    found = shown.frame()
     np.testing.assert_array_equal(found.control_points, twin.control_points)
     np.testing.assert_allclose(found.radius, rich_frame.radius + 0.5, rtol=1e-12)
-    np.testing.assert_array_equal(wireframe_from_curve(shown.plan).control_points, rich_frame.control_points)
-    assert shown.plan.hide_select and shown.collection[RUN_KEY] == str(tmp_path)
+    np.testing.assert_array_equal(shown.plan().control_points, rich_frame.control_points)
+    assert len(shown.collection.objects) == 1 and shown.collection[RUN_KEY] == str(tmp_path)
     np.testing.assert_allclose(shown.values["displacement_max"].values[rich_frame.printed], 5.0, rtol=1e-12)
-    for name in ("displacement", "opacity", "completeness", "thickness", "confidence"):  # nobody has seen the others
+    for name in ("displacement", "opacity", "completeness", "radius", "confidence"):  # nobody has seen the others
         np.testing.assert_array_equal(np.isnan(shown.values[name].values), ~rich_frame.printed)
-    assert (indices(shown.twin)[~rich_frame.printed] == UNKNOWN).all()
-    assert shown.missing.tolist() == [3] and indices(shown.twin)[3] == MISSING
+    states = read_attribute(shown.twin.data, "state")
+    np.testing.assert_array_equal(states == State.UNPRINTED, ~rich_frame.printed)
+    assert shown.missing.tolist() == [3]
     remove_twin(shown.collection)
-    assert not len(bpy.data.materials) and not len(bpy.data.curves) and not len(bpy.data.collections)
+    assert_nothing_is_left()
+
+
+def assert_nothing_is_left() -> None:
+    for kind in ("materials", "hair_curves", "collections", "objects", "meshes", "node_groups"):
+        assert not len(getattr(bpy.data, kind)), kind
 
 
 def test_what_a_fit_thinks_of_its_twin_is_shown(scene: Any, rich_frame: Wireframe) -> None:
@@ -96,14 +98,14 @@ def test_what_a_fit_thinks_of_its_twin_is_shown(scene: Any, rich_frame: Wirefram
 def test_a_twin_comes_whole_or_not_at_all(scene: Any, rich_frame: Wireframe) -> None:
     content = TwinContent.of(shifted(rich_frame, [0.0, 0.0, 1.0]), rich_frame)
     seen = [len(scene.collection.all_objects) for _ in show_twin_steps(content)]
-    assert set(seen[:-1]) == {0} and seen[-1] == 2
+    assert set(seen[:-1]) == {0} and seen[-1] == 1
     remove_twin(scene.collection.children[0])
     for last in range(len(seen)):
         steps = show_twin_steps(content)
         for _ in range(last + 1):
             next(steps)
         steps.close()
-        assert not (len(bpy.data.collections) or len(bpy.data.curves) or len(bpy.data.materials))
+        assert_nothing_is_left()
 
 
 def test_a_twin_comes_in_the_colours_that_are_wanted(scene: Any, rich_frame: Wireframe) -> None:
@@ -111,23 +113,24 @@ def test_a_twin_comes_in_the_colours_that_are_wanted(scene: Any, rich_frame: Wir
     shown = run_steps(show_twin_steps(content, colours=Colours("confidence", 0.1, 0.4)))
     legend = find_twin(shown.collection).legend
     assert (legend.quantity, legend.low, legend.high, legend.automatic) == ("confidence", 0.1, 0.4, False)
-    found = indices(shown.twin)
-    recolour_twin(shown.collection, "confidence", 0.1, 0.4)
-    np.testing.assert_array_equal(indices(shown.twin), found)
+    assert legend.falling and legend.ends == (0.4, 0.1)
 
 
-def test_recolouring_adds_nothing(scene: Any, rich_frame: Wireframe) -> None:
+def test_recolouring_touches_no_data(scene: Any, rich_frame: Wireframe) -> None:
     shown = show_twin(shifted(rich_frame, [0.0, 0.0, 1.0]), rich_frame)
-    ramp = np.linspace(0.0, 1.0, 18)
-    ramp[5] = np.nan
-    for _ in range(10):
-        legend = colour_twin(shown.twin, StrutValues("test", "mm", ramp), 0.25, 0.75)
-    assert len(bpy.data.materials) == BINS + 2 and (legend.low, legend.high) == (0.25, 0.75)
-    found = indices(shown.twin)
-    assert (found[0], found[5], found[17]) == (0, UNKNOWN, BINS - 1)
-    assert np.all(np.diff(np.delete(found, 5)) >= 0)
+    before = {each.name: read_attribute(shown.twin.data, each.name) for each in shown.twin.data.attributes}
+    for quantity in ("confidence", "radius", "displacement", "distance"):
+        legend = recolour_twin(shown.collection, quantity, 0.25, 0.75)
+    assert (legend.low, legend.high) == (0.25, 0.75)
+    assert len(bpy.data.materials) == len(bpy.data.node_groups) == 1
+    after = {each.name: read_attribute(shown.twin.data, each.name) for each in shown.twin.data.attributes}
+    assert after.keys() == before.keys()
+    for name, values in before.items():
+        np.testing.assert_array_equal(after[name], values)
     with pytest.raises(InputError, match="range"):
-        colour_twin(shown.twin, StrutValues("test", "mm", ramp), 1.0, 1.0)
+        recolour_twin(shown.collection, "radius", 1.0, 1.0)
+    with pytest.raises(InputError, match="colour map"):
+        recolour_twin(shown.collection, "radius", map_name="Rainbow")
 
 
 def test_error_across_straight_struts_is_the_shift(scene: Any) -> None:
@@ -142,11 +145,16 @@ def test_error_across_straight_struts_is_the_shift(scene: Any) -> None:
 def test_statistics_and_worst() -> None:
     values = np.array([1.0, np.nan, 3.0, 2.0])
     found = statistics_of(values)
-    assert (found.mean, found.max) == (2.0, 3.0) and found.p95 == pytest.approx(2.9)
+    assert (found.mean, found.max, found.min) == (2.0, 3.0, 1.0)
+    assert (found.p95, found.p5) == (pytest.approx(2.9), pytest.approx(1.1))
     assert worst_struts(values, 2).tolist() == [2, 3] and worst_struts(values, 9).tolist() == [2, 3, 0]
 
 
 def test_the_colours_are_inside_of_the_gamut_and_distinct() -> None:
-    colours = colour_map()
-    assert colours.min() > 0.0 and colours.max() < 1.0  # nothing had to be clipped
-    assert len(np.unique(colours.round(4), axis=0)) == BINS + 2
+    for name in MAPS:
+        colours = colour_map(name)
+        assert colours.min() > 0.0 and colours.max() < 1.0  # nothing had to be clipped
+        assert len(np.unique(colours.round(4), axis=0)) == BINS
+        for other in (MISSING_COLOUR, *(look.colour for look in LOOKS.values() if look.words == "would have missed")):
+            assert np.abs(colours - other).max(axis=1).min() > 0.1
+    assert LOOKS[State.MISSED].colour != MISSING_COLOUR

@@ -12,7 +12,6 @@ import numpy as np
 from worker_cases import worker_python
 
 from frametwin.blender.display.twins import RUN_KEY, find_twin, is_twin
-from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.capture.image_files import decode_png
 from frametwin.twin.runs import load_run
 
@@ -34,7 +33,7 @@ def test_a_plan_becomes_a_file_with_its_twin(tmp_path: Path) -> None:
     (collection,) = [found for found in bpy.data.collections if is_twin(found)]
     assert collection[RUN_KEY] == str(out / "run")
     shown, (twin, _) = find_twin(collection), load_run(out / "run")
-    np.testing.assert_array_equal(wireframe_from_curve(shown.twin).control_points, twin.control_points)
+    np.testing.assert_array_equal(shown.frame().control_points, twin.control_points)
     assert "error" in shown.values and len(bpy.data.cameras) == 6
     assert len([image for image in bpy.data.images if image.packed_file]) == 6
     assert bpy.data.scenes.keys() == ["Scene"]

@@ -9,32 +9,28 @@ from typing import Any
 import bpy
 import numpy as np
 
-from frametwin.blender.display.colours import paint
-from frametwin.blender.display.twins import ghost
-from frametwin.blender.frames.curves import wireframe_to_curve_steps
+from frametwin.blender.display.colours import State
+from frametwin.blender.display.job_struts import show_struts_steps
 from frametwin.blender.scene.collections import new_collection, remove_collection
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 
 ROLE = "frametwin_adapted"
-"""Custom property of the collection, and with ``before`` or ``after`` of its objects."""
-
-ADAPTED_COLOUR = (0.1, 0.6, 0.2)
+"""Custom property of the collection and of its object."""
 
 
 @dataclass(frozen=True, eq=False)
 class AdaptedObjects:
-    """The curves before and after, in a collection of their own."""
+    """The struts as they shall be printed, with those of the plan as a ghost, in a collection of their own."""
 
     collection: bpy.types.Collection
-    before: bpy.types.Object
-    after: bpy.types.Object
+    struts: bpy.types.Object
 
 
 def show_adapted_steps(
     frame: Wireframe, answer: dict[str, Any], parent: bpy.types.Collection, scene: bpy.types.Scene | None = None
 ) -> Generator[None, None, AdaptedObjects]:
-    """Show what the worker's job ``adapt`` answered: unprinted struts as planned (lines) and as they shall be printed.
+    """Show what the worker's job ``adapt`` answered: unprinted struts as they shall be printed, as planned for a ghost.
 
     Parameters
     ----------
@@ -65,30 +61,24 @@ def show_adapted_steps(
     collection = new_collection(f"{frame.name} still to print", scene, parent)
     collection[ROLE] = True
     try:
-        plan = yield from wireframe_to_curve_steps(
-            before, name=f"{frame.name} planned", collection=collection, scene=scene, strut=struts
+        obj = yield from show_struts_steps(
+            after, before, State.ADAPTED, f"{frame.name} adapted", collection, scene, strut=struts, ghost=True
         )
-        ghost(plan)
-        plan[ROLE] = "before"
-        obj = yield from wireframe_to_curve_steps(
-            after, name=f"{frame.name} adapted", collection=collection, scene=scene, strut=struts
-        )
-        obj[ROLE] = "after"
-        paint(obj, "FrameTwin adapted", ADAPTED_COLOUR)
+        obj[ROLE] = "adapted"
     except BaseException:
         remove_collection(collection)
         raise
     for old in [child for child in parent.children if ROLE in child and child != collection]:
         remove_collection(old)
-    return AdaptedObjects(collection, plan, obj)
+    return AdaptedObjects(collection, obj)
 
 
 def find_adapted(parent: bpy.types.Collection) -> AdaptedObjects | None:
     """What `show_adapted_steps` has shown in a collection; ``None`` if nothing, or the user deleted it."""
     for child in parent.children:
-        roles = {obj.get(ROLE): obj for obj in child.objects}
-        if ROLE in child and {"before", "after"} <= roles.keys():
-            return AdaptedObjects(child, roles["before"], roles["after"])
+        obj = next((obj for obj in child.objects if ROLE in obj), None)
+        if ROLE in child and obj is not None:
+            return AdaptedObjects(child, obj)
     return None
 
 

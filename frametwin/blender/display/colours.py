@@ -1,31 +1,78 @@
-"""Struts coloured by a quantity: splines have no colours, so values are binned into materials that all twins share."""
+"""What the colours of struts mean: maps from low to high, states that have a colour of their own, and the legend."""
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import dataclass
-from typing import Any
+from enum import IntEnum
+from functools import cache
 
-import bpy
 import numpy as np
 
-from frametwin.blender.background.stepwise import run_steps
-from frametwin.blender.display.statistics import StrutValues
-from frametwin.blender.frames.curves import strut_numbers
-from frametwin.blender.rendering.versions import node_tree
-from frametwin.blender.scene.placement import label
-from frametwin.errors import InputError
-
 BINS = 32
-MISSING, UNKNOWN = BINS, BINS + 1
-KEY = "frametwin_colour"
+"""Stops of a colour map; between them it is linear in scene-linear light."""
+
+SEQUENTIAL, DIVERGING, GREY = "Blue to Yellow", "Purple to Green", "Black to White"
+MAPS = (SEQUENTIAL, DIVERGING, GREY)
+"""Names of the colour maps, from good to bad (`DIVERGING`: from far below to far above)."""
+
+MISSING_COLOUR = (0.9, 0.02, 0.05)
+UNKNOWN_COLOUR = (0.2, 0.2, 0.2)
+PLAN_COLOUR = (0.72, 0.55, 0.42)
+
+
+class State(IntEnum):
+    """What a strut is, apart from what was measured of it: number of the attribute ``state``."""
+
+    PRINTED = 0
+    UNPRINTED = 1
+    NEXT = 2
+    MISSED = 3
+    LOST = 4
+    ADAPTED = 5
+    PLAN = 6
+
+
+@dataclass(frozen=True)
+class Look:
+    """How struts of a state are shown: words of the legend, scene-linear colour, and share of the radius drawn."""
+
+    words: str
+    colour: tuple[float, float, float]
+    radius: float
+
+
+LOOKS = {
+    State.PRINTED: Look("printed", UNKNOWN_COLOUR, 1.0),  # the colour of those without a value
+    State.UNPRINTED: Look("still to print", (0.2, 0.24, 0.3), 0.35),
+    State.NEXT: Look("still to print, adapted", (0.1, 0.6, 0.2), 0.35),
+    State.MISSED: Look("would have missed", (0.85, 0.03, 0.6), 0.6),
+    State.LOST: Look("lost", (0.25, 0.02, 0.02), 0.6),
+    State.ADAPTED: Look("still to print, adapted", (0.1, 0.6, 0.2), 1.0),
+    State.PLAN: Look("plan", PLAN_COLOUR, 0.2),
+}
+"""By state; none of the colours is on a map."""
 
 
 @dataclass(frozen=True, eq=False)
 class Legend:
-    """What the colours mean: quantity, unit, range, and (BINS, 3) scene-linear colours from low to high.
+    """What the colours mean.
 
-    ``automatic`` says whether the range is that of the values.
+    Attributes
+    ----------
+    quantity
+        Its key.
+    unit
+        Of the range.
+    low, high
+        Ends of the range.
+    colours
+        (BINS, 3) scene-linear, from the good end to the bad one.
+    automatic
+        Whether the range is that of the values.
+    falling
+        Whether the good end is the high one.
+    colour_map
+        One of `MAPS`.
     """
 
     quantity: str
@@ -34,13 +81,57 @@ class Legend:
     high: float
     colours: np.ndarray
     automatic: bool = False
+    falling: bool = False
+    colour_map: str = SEQUENTIAL
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The values of the first and of the last colour."""
+        return (self.high, self.low) if self.falling else (self.low, self.high)
+
+    def colour_of(self, values: np.ndarray) -> np.ndarray:
+        """(..., 3) scene-linear colours of values (...,); of NaN, that of what has no value."""
+        first, last = self.ends
+        place = np.clip((np.nan_to_num(values) - first) / (last - first), 0.0, 1.0) * (BINS - 1)
+        shown = np.stack([np.interp(place, np.arange(BINS), self.colours[:, i]) for i in range(3)], axis=-1)
+        return np.where(np.isnan(values)[..., None], UNKNOWN_COLOUR, shown)
 
 
-def colour_map() -> np.ndarray:
-    """(BINS + 2, 3) scene-linear: even steps from blue to yellow in Oklab (B. Ottosson, 2020), red, grey."""
+@cache
+def colour_map(name: str = SEQUENTIAL) -> np.ndarray:
+    """(BINS, 3) scene-linear colours in even steps of Oklab (B. Ottosson, 2020); read-only.
+
+    Raises
+    ------
+    KeyError
+        If there is no such map.
+    """
     t = np.linspace(0.0, 1.0, BINS)
+    colours = {SEQUENTIAL: _sequential, DIVERGING: _diverging, GREY: _grey}[name](t)
+    colours.setflags(write=False)
+    return colours
+
+
+def _sequential(t: np.ndarray) -> np.ndarray:
+    """From dark blue to light yellow."""
     hue = np.radians(280.0 - 175.0 * t)
-    lab = np.stack([0.45 + 0.45 * t, 0.1 * np.cos(hue), 0.1 * np.sin(hue)], axis=1)
+    return _linear(0.45 + 0.45 * t, 0.1 * np.cos(hue), 0.1 * np.sin(hue))
+
+
+def _diverging(t: np.ndarray) -> np.ndarray:
+    """From purple over a light grey to green, both ends equally dark."""
+    side = np.abs(2.0 * t - 1.0)
+    hue = np.radians(np.where(t < 0.5, 305.0, 145.0))
+    return _linear(0.92 - 0.42 * side, 0.12 * side * np.cos(hue), 0.12 * side * np.sin(hue))
+
+
+def _grey(t: np.ndarray) -> np.ndarray:
+    """From a dark grey to white."""
+    return _linear(0.3 + 0.65 * t, 0.0 * t, 0.0 * t)
+
+
+def _linear(lightness: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Scene-linear RGB of Oklab."""
     to_lms = np.array(
         [[1, 0.3963377774, 0.2158037573], [1, -0.1055613458, -0.0638541728], [1, -0.0894841775, -1.291485548]]
     )
@@ -51,88 +142,4 @@ def colour_map() -> np.ndarray:
             [-0.0041960863, -0.7034186147, 1.707614701],
         ]
     )
-    colours = np.clip((lab @ to_lms.T) ** 3 @ to_rgb.T, 0.0, 1.0)
-    return np.concatenate([colours, [[0.9, 0.02, 0.05], [0.2, 0.2, 0.2]]])
-
-
-def colour_twin(
-    obj: bpy.types.Object,
-    values: StrutValues,
-    low: float | None = None,
-    high: float | None = None,
-    missing: Any = (),
-    strut: np.ndarray | None = None,
-) -> Legend:
-    """Colour the struts of a frame's curve object; what is in ``missing`` gets a colour of its own, NaN another.
-
-    Parameters
-    ----------
-    obj
-        The curve object.
-    values
-        The quantity, of the E struts of the frame.
-    low, high
-        Of the range; 0 and the highest value by default.
-    missing
-        Indices of the struts that are missing.
-    strut
-        (E,) which strut each spline is, where that is known; by default it is found out.
-
-    Raises
-    ------
-    InputError
-        If the range is empty or the object cannot be read.
-    """
-    known = values.values[np.isfinite(values.values)]
-    start = 0.0 if low is None else float(low)
-    top = float(known.max(initial=start)) if high is None else float(high)
-    if high is None and top <= start:
-        top = start + 1.0
-    if not top > start:
-        raise InputError.at(label(obj), "range", f"{start:g} to {top:g} is empty", "give a high above the low")
-    share = np.nan_to_num((values.values - start) / (top - start))
-    index = np.clip((share * BINS).astype(np.int64), 0, BINS - 1)
-    index[~np.isfinite(values.values)] = UNKNOWN
-    index[np.asarray(missing, dtype=np.int64)] = MISSING
-    strut = strut_numbers(obj) if strut is None else strut
-    if len(strut) != len(obj.data.splines) or strut.max(initial=-1) >= len(index):
-        raise InputError.at(label(obj), "splines", "are not those of this twin", "import the twin again")
-    materials, slots = run_steps(materials_steps()), obj.data.materials
-    if list(slots) != materials:
-        slots.clear()
-        for material in materials:
-            slots.append(material)
-    chosen = np.where(strut < 0, UNKNOWN, index[strut]).astype(np.int32)
-    obj.data.splines.foreach_set("material_index", chosen)
-    obj.data.update_tag()
-    automatic = low is None and high is None
-    return Legend(values.quantity, values.unit, start, top, colour_map()[:BINS], automatic)
-
-
-def materials_steps() -> Generator[None, None, list[bpy.types.Material]]:
-    """The materials of all colours, in their order; those that are not there yet are made, one a step."""
-    there = {m[KEY]: m for m in bpy.data.materials if m.library is None and KEY in m}
-    for i, colour in enumerate(colour_map().tolist()):
-        if i not in there:
-            material = there[i] = bpy.data.materials.new(f"FrameTwin colour {i:02d}")
-            material[KEY] = i
-            material.diffuse_color = (*colour, 1.0)
-            tree = node_tree(material)
-            shader, output = (tree.nodes.new(k) for k in ("ShaderNodeEmission", "ShaderNodeOutputMaterial"))
-            shader.inputs["Color"].default_value = (*colour, 1.0)
-            tree.links.new(shader.outputs[0], output.inputs["Surface"])
-            yield
-    return [there[i] for i in range(BINS + 2)]
-
-
-def paint(obj: bpy.types.Object, name: str, colour: tuple[float, float, float]) -> None:
-    """Give a curve object one plain material, shared by all that were painted under this name."""
-    material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
-    material.diffuse_color = (*colour, 1.0)
-    obj.data.materials.clear()
-    obj.data.materials.append(material)
-
-
-def remove_unused_colours() -> None:
-    """Remove the materials of colours that no object uses."""
-    bpy.data.batch_remove([m for m in bpy.data.materials if KEY in m and m.users == 0])
+    return np.clip((np.stack([lightness, a, b], axis=1) @ to_lms.T) ** 3 @ to_rgb.T, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""What is shown in a scene, written to files."""
+"""What was measured and is shown in a scene, written to files: as it was found, not as the object is by now."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from frametwin.blender.display.twins import TwinObjects
-from frametwin.blender.frames.curves import wireframe_from_curve
+from frametwin.blender.frames.strut_curves import recorded_frame
 from frametwin.errors import InputError
 from frametwin.files import write_text
 from frametwin.formats import write_frame
@@ -20,7 +20,7 @@ def export_twin(shown: TwinObjects, path: Path) -> None:
     Parameters
     ----------
     shown
-        The twin, with what the user changed of its curves.
+        The twin. What is written is what its run holds, in double precision, wherever the object was moved to.
     path
         ``.json`` (a frame file) or ``.obj`` (lines) for the curves; ``.csv`` for a table with a row for every strut and
         a column for every quantity, empty where there is no value.
@@ -33,7 +33,7 @@ def export_twin(shown: TwinObjects, path: Path) -> None:
     if path.suffix.lower() == ".csv":
         write_text(path, _table(shown))
     elif path.suffix.lower() in (".json", ".obj"):
-        write_frame(path, wireframe_from_curve(shown.twin))
+        write_frame(path, shown.frame())
     else:
         raise InputError.at(path, "file", "is of no kind that twins are written as", "name it .json, .obj or .csv")
 
@@ -50,12 +50,12 @@ def _table(shown: TwinObjects) -> str:
     return "\n".join(rows) + "\n"
 
 
-def export_curve(obj: bpy.types.Object, path: Path) -> None:
-    """Write the frame of a curve object as a frame file (``.json``) or as lines (``.obj``).
+def export_struts(obj: bpy.types.Object, path: Path) -> None:
+    """Write the struts that a Curves object was made to show as a frame file (``.json``) or as lines (``.obj``).
 
     Raises
     ------
     InputError
-        If it cannot be read, the suffix is another one, or the file cannot be written.
+        If it has lost them, the suffix is another one, or the file cannot be written.
     """
-    write_frame(path, wireframe_from_curve(obj))
+    write_frame(path, recorded_frame(obj))

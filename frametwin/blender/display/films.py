@@ -9,9 +9,12 @@ import bpy
 import numpy as np
 
 from frametwin.blender.background.stepwise import run_steps
+from frametwin.blender.display.legend_entries import legend_entries
 from frametwin.blender.display.pictures import render
 from frametwin.blender.display.print_jobs import (
     FRAMES_A_BATCH,
+    NOT_RENDERED,
+    ROLE_KEY,
     WORDS_KEY,
     JobObjects,
     place_shift,
@@ -57,7 +60,8 @@ def stage_jobs(
         (design.control_points.reshape(-1, 3) + place_shift(design, i)[:3, 3]) / unit for i in range(len(histories))
     ]
     stage = PhotoStage(scene, np.concatenate(corners), size)
-    stage.add_legend(jobs[0].legend)
+    drawn = [obj for job in jobs for obj in job.collection.all_objects if obj[ROLE_KEY] not in NOT_RENDERED]
+    stage.add_legend(jobs[0].legend, legend_entries(drawn))
     for history, job, points in zip(histories, jobs, corners, strict=True):
         middle = stage.across(points)
         x, y = 0.5 * float(middle[:, 0].min() + middle[:, 0].max()), 0.44 * stage.height

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
+from frametwin.blender.display.legend_entries import legend_entries
 from frametwin.blender.display.stage import PhotoStage, clear_stage
 from frametwin.blender.display.twins import TwinObjects
-from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.blender.rendering.render_job import call_renderer
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.capture.image_files import strip_png
@@ -21,7 +21,7 @@ def render_twin(shown: TwinObjects, path: PathLike, size: tuple[int, int] = (120
     Parameters
     ----------
     shown
-        The twin in its scene, which is left as it was.
+        The twin in its scene, which is left as it was; it must not have been moved.
     path
         The PNG file, written whole or not at all.
     size
@@ -32,12 +32,12 @@ def render_twin(shown: TwinObjects, path: PathLike, size: tuple[int, int] = (120
     FrameTwinError
         If Blender does not render, or the file cannot be written.
     """
-    points = wireframe_from_curve(shown.twin).control_points.reshape(-1, 3)
+    points = shown.frame().control_points.reshape(-1, 3)
     scene = bpy.data.scenes.new("FrameTwin picture")
     try:
         scene.collection.objects.link(shown.twin)
         stage = PhotoStage(scene, points / mm_per_unit(bpy.context.scene), size)
-        stage.add_legend(shown.legend)
+        stage.add_legend(shown.legend, legend_entries([shown.twin]))
         with scratch_folder() as scratch:
             file = scratch / "twin.png"
             scene.render.filepath = str(file)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from frametwin.blender.display.colours import Legend, colour_twin, paint, remove_unused_colours
+from frametwin.blender.display.colouring import colour_struts
+from frametwin.blender.display.colours import Legend, State, colour_map
+from frametwin.blender.display.display_group import remove_unused_display
+from frametwin.blender.display.job_struts import show_struts_steps
 from frametwin.blender.display.stage import AZIMUTH
 from frametwin.blender.display.statistics import StrutValues
-from frametwin.blender.display.twin_records import store_legend
-from frametwin.blender.display.twins import ghost
-from frametwin.blender.frames.curves import wireframe_to_curve_steps
 from frametwin.blender.scene.collections import new_collection, remove_collection
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.records.history import BatchHistory, PrintHistory, joint_displacement
@@ -21,9 +21,11 @@ from frametwin.printing.records.history import BatchHistory, PrintHistory, joint
 JOB_KEY = "frametwin_job"
 ROLE_KEY = "frametwin_job_role"
 WORDS_KEY = "frametwin_job_words"
+NOT_RENDERED = ("plan", "next")
+"""Roles of what only viewports show."""
+
 FRAMES_A_BATCH = 24
 FIRST_FRAME = 1
-NEXT_COLOUR, MISSED_COLOUR, LOST_COLOUR = (0.1, 0.6, 0.2), (0.9, 0.02, 0.05), (0.25, 0.02, 0.02)
 SPACING = 1.15
 """Distance between two jobs side by side, in widths of the design."""
 
@@ -42,7 +44,7 @@ def show_job_steps(
 ) -> Generator[None, None, JobObjects]:
     """Put a job on the timeline, a second of it (`FRAMES_A_BATCH` frames) for each batch.
 
-    In each batch are shown, and hidden in the others: ``plan`` (the plan that the robot follows, as lines),
+    In each batch are shown, and hidden in the others: ``plan`` (the plan that the robot follows, thin),
     ``standing`` (what stands afterwards, coloured by how far its joints are from the design), ``next`` (what is still
     to be printed, as adapted), ``missed`` (struts of the batch that would have been begun beside the material as
     designed) and ``lost`` (struts that fell, where they should have been).
@@ -73,12 +75,11 @@ def show_job_steps(
     try:
         for batch in history.batches:
             inner = new_collection(f"batch {batch.batch}{suffix}", scene, collection)
-            legend = yield from _show_batch(history.design, batch, inner, scene, shift, top)
+            legend = yield from _show_batch(history.design, batch, inner, scene, shift, top, history.adapts)
             inner[WORDS_KEY] = words_of(batch, history.design)
             _on_timeline(inner, batch.batch, batch.batch == len(history.batches) - 1)
             shown.append(inner)
         collection[JOB_KEY], collection[ROLE_KEY] = folder, "job"
-        store_legend(collection, legend)
         _mark_timeline(scene, len(shown))
     except BaseException:
         remove_job(collection)
@@ -101,42 +102,31 @@ def _show_batch(
     scene: bpy.types.Scene,
     shift: np.ndarray,
     top: float,
+    adapts: bool,
 ) -> Generator[None, None, Legend]:
-    def show(frame: Wireframe, mask: np.ndarray, role: str) -> Generator[None, None, bpy.types.Object | None]:
-        if not mask.any():
-            return None
-        part, _ = frame.subset(mask)
-        obj = yield from wireframe_to_curve_steps(
-            part.transformed(shift), name=f"{role} {batch.batch}", collection=collection, scene=scene,
-            strut=np.flatnonzero(mask),
-        )  # fmt: skip
-        obj[ROLE_KEY] = role
-        return obj
-
-    everywhere = np.ones(design.strut_count, dtype=bool)
-    plan = yield from show(batch.planned, everywhere, "plan")
-    if plan is not None:
-        ghost(plan)
     stands = batch.standing.printed
-    standing = yield from show(batch.standing, stands, "standing")
+    lost, missed = (np.isin(np.arange(design.strut_count), struts) for struts in (batch.lost, batch.missed))
+    everywhere = np.ones(design.strut_count, dtype=bool)
     moved = joint_displacement(design, batch.standing)[design.edges].mean(axis=1)
     values = StrutValues("displacement", "mm", moved[stands])
-    legend = Legend("displacement", "mm", 0.0, top, np.zeros((0, 3)))
-    if standing is not None:
-        legend = colour_twin(standing, values, 0.0, top, strut=np.arange(int(stands.sum())))
-    lost, missed = (np.isin(np.arange(design.strut_count), struts) for struts in (batch.lost, batch.missed))
-    following = yield from show(batch.adapted, ~batch.adapted.printed & ~lost, "next")
-    if following is not None:
-        ghost(following)
-        paint(following, "FrameTwin next", NEXT_COLOUR)
-    for frame, mask, role, colour in (
-        (design, missed, "missed", MISSED_COLOUR),
-        (batch.planned, lost, "lost", LOST_COLOUR),
+    legend = Legend("displacement", "mm", 0.0, top, colour_map())
+    for frame, mask, role, state in (
+        (batch.planned, everywhere, "plan", State.PLAN),
+        (batch.standing, stands, "standing", State.PRINTED),
+        (batch.adapted, ~batch.adapted.printed & ~lost, "next", State.NEXT if adapts else State.UNPRINTED),
+        (design, missed, "missed", State.MISSED),
+        (batch.planned, lost, "lost", State.LOST),
     ):
-        obj = yield from show(frame, mask, role)
-        if obj is not None:
-            paint(obj, f"FrameTwin {role}", colour)
-            obj.data.bevel_depth *= 0.6  # inside of the strut that was laid
+        if not mask.any():
+            continue
+        part, plan = (each.subset(mask)[0].transformed(shift) for each in (frame, design))
+        measured = {values.quantity: values} if state == State.PRINTED else {}
+        obj = yield from show_struts_steps(
+            part, plan, state, f"{role} {batch.batch}", collection, scene, strut=np.flatnonzero(mask), values=measured
+        )
+        obj[ROLE_KEY] = role
+        if state == State.PRINTED:
+            legend = colour_struts(obj, values, 0.0, top)
     return legend
 
 
@@ -164,7 +154,7 @@ def batch_shown(collection: bpy.types.Collection, frame: int) -> bpy.types.Colle
 def _on_timeline(collection: bpy.types.Collection, batch: int, last: bool) -> None:
     """Show a batch's objects at its own time alone; the last one from then on."""
     for obj in collection.objects:
-        show_at(obj, batch, last, rendered=obj[ROLE_KEY] not in ("plan", "next"))
+        show_at(obj, batch, last, rendered=obj[ROLE_KEY] not in NOT_RENDERED)
 
 
 def show_at(obj: bpy.types.Object, batch: int, last: bool, rendered: bool = True) -> None:
@@ -207,7 +197,7 @@ def remove_job(collection: bpy.types.Collection) -> None:
     """Remove a job's collection with all in it, and the markers of the timeline when it was the last one."""
     scenes = [scene for scene in bpy.data.scenes if collection in scene.collection.children_recursive]
     remove_collection(collection)
-    remove_unused_colours()
+    remove_unused_display()
     for scene in scenes:
         if not jobs_in(scene):
             for marker in [marker for marker in scene.timeline_markers if marker.name.startswith("batch ")]:

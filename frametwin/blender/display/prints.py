@@ -10,7 +10,6 @@ import bpy
 import idprop
 import numpy as np
 
-from frametwin.blender.display.colours import paint
 from frametwin.blender.frames.curves import wireframe_to_curve, wireframe_to_curve_steps
 from frametwin.blender.frames.plans import plan_and_deformed, plan_from_object
 from frametwin.blender.scene.placement import label
@@ -139,3 +138,11 @@ def read_print(
 
 def _everywhere(printed: np.ndarray) -> np.ndarray:
     return np.stack([np.zeros(len(printed)), printed.astype(np.float64)], axis=1)
+
+
+def paint(obj: bpy.types.Object, name: str, colour: tuple[float, float, float]) -> None:
+    """Give a curve object one plain material, shared by all that were painted under this name."""
+    material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
+    material.diffuse_color = (*colour, 1.0)
+    obj.data.materials.clear()
+    obj.data.materials.append(material)

@@ -5,11 +5,15 @@ All of it carries the custom property `KEY`, by which `clear_stage` takes it awa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 import mathutils
 import numpy as np
 
-from frametwin.blender.display.colours import BINS, Legend, colour_map
+from frametwin.blender.display.colours import BINS, Legend
+from frametwin.blender.display.legend_entries import DASHED, THIN, Entry
+from frametwin.blender.display.quantities import quantity_named
 from frametwin.blender.rendering import engines, versions
 from frametwin.cameras import look_at
 
@@ -48,20 +52,35 @@ class PhotoStage:
         scene.world.color = BACKGROUND
         _settings(scene, size)
 
-    def add_legend(self, legend: Legend) -> None:
-        """The bar of colours and its words, at the lower left."""
+    def add_legend(self, legend: Legend, entries: Sequence[Entry] = ()) -> None:
+        """The bar of colours and its words, at the lower left, and beside it what has a colour of its own."""
         left, low, bar, thick = -0.46 * self.width, -0.42 * self.height, 0.3 * self.width, 0.02 * self.width
         edges = left + bar * np.linspace(0.0, 1.0, BINS + 1)
-        for i, colour in enumerate(colour_map()[:BINS].tolist()):
+        for i, colour in enumerate(legend.colours.tolist()):
             corners = [(edges[i], low), (edges[i + 1], low), (edges[i + 1], low + thick), (edges[i], low + thick)]
-            mesh = bpy.data.meshes.new(NAME)
-            mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
-            self._link(_painted(mesh, colour), self._place(0.0, 0.0))
+            self._add_quad(corners, colour)
         unit = f" in {legend.unit}" if legend.unit else ""
-        self.add_words(legend.quantity.replace("_", " ") + unit, left, low + 1.6 * thick)
+        self.add_words(quantity_named(legend.quantity).name.lower() + unit, left, low + 1.6 * thick)
         for share, align in ((0.0, "LEFT"), (0.5, "CENTER"), (1.0, "RIGHT")):
-            value = legend.low + share * (legend.high - legend.low)
+            value = legend.ends[0] + share * (legend.ends[1] - legend.ends[0])
             self.add_words(f"{value:.3g}", left + share * bar, low - 1.3 * thick, align)
+        for i, entry in enumerate(entries):
+            x, y = left + bar + (0.05 + 0.3 * (i % 2)) * self.width, low + (1.6 - 1.5 * (i // 2)) * thick
+            self._add_field(x, y, thick, entry)
+            self.add_words(entry.words, x + 1.8 * thick, y)
+
+    def _add_field(self, x: float, y: float, size: float, entry: Entry) -> None:
+        high = size * (0.15 if entry.manner == THIN else 0.6)
+        parts = ((0.0, 0.3), (0.6, 0.9), (1.2, 1.5)) if entry.manner == DASHED else ((0.0, 1.5),)
+        for a, b in parts:
+            y0 = y + 0.45 * size - 0.5 * high
+            corners = [(x + a * size, y0), (x + b * size, y0), (x + b * size, y0 + high), (x + a * size, y0 + high)]
+            self._add_quad(corners, list(entry.colour))
+
+    def _add_quad(self, corners: list[tuple[float, float]], colour: list[float]) -> None:
+        mesh = bpy.data.meshes.new(NAME)
+        mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
+        self._link(_painted(mesh, colour), self._place(0.0, 0.0))
 
     def add_words(self, text: str, x: float, y: float, align: str = "LEFT") -> bpy.types.Object:
         """Words at a place of the picture, in Blender units from its middle."""
@@ -133,7 +152,9 @@ def _painted(data: bpy.types.ID, colour: list[float]) -> bpy.types.Object:
     shader.inputs["Color"].default_value = (*colour, 1.0)
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     data.materials.append(material)
-    return _kept(bpy.data.objects.new(NAME, _kept(data)))
+    obj = _kept(bpy.data.objects.new(NAME, _kept(data)))
+    obj.color = (*colour, 1.0)  # of what has no colour attribute
+    return obj
 
 
 def _settings(scene: bpy.types.Scene, size: tuple[int, int]) -> None:
@@ -149,8 +170,8 @@ def _settings(scene: bpy.types.Scene, size: tuple[int, int]) -> None:
     if engines.workbench_works():
         render.engine = engines.WORKBENCH
         shading = scene.display.shading
-        shading.light, shading.color_type, shading.background_type = "STUDIO", "MATERIAL", "WORLD"
-        shading.show_object_outline, shading.show_cavity = False, True
+        shading.light, shading.color_type, shading.background_type = "FLAT", "VERTEX", "WORLD"
+        shading.show_object_outline, shading.show_cavity = False, False
         scene.display.render_aa = "8"
         return
     render.engine = engines.CYCLES

@@ -25,11 +25,13 @@ class StrutValues:
 
 @dataclass(frozen=True)
 class ValueStatistics:
-    """Mean, 95th percentile and maximum over the struts that have a value (NaN if none has)."""
+    """Mean, 5th and 95th percentile and extremes over the struts that have a value (NaN if none has)."""
 
     mean: float
     p95: float
     max: float
+    p5: float
+    min: float
 
 
 def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> dict[str, StrutValues]:
@@ -46,7 +48,7 @@ def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> di
         "displacement_max": ("mm", moved.max(axis=1)),
         "opacity": ("", twin.opacity.mean(axis=1)),
         "completeness": ("", twin.completeness),
-        "thickness": ("mm", twin.thickness.mean(axis=1)),
+        "radius": ("mm", twin.thickness.mean(axis=1)),
         "confidence": ("", twin.confidence),
     }
     for name, known in (("sigma", twin.sigma_across), ("sigma_along", twin.sigma_along)):
@@ -58,7 +60,7 @@ def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> di
         error = _errors(twin.control_points, truth)
         columns |= {"error": ("mm", error.mean(axis=1)), "error_max": ("mm", error.max(axis=1))}
     columns = {name: (unit, np.where(frame.printed, values, np.nan)) for name, (unit, values) in columns.items()}
-    columns["printed"] = ("", frame.printed.astype(np.float64))
+    columns |= {"printed": ("", frame.printed.astype(np.float64)), "batch": ("", frame.batch.astype(np.float64))}
     return {name: StrutValues(name, unit, values) for name, (unit, values) in columns.items()}
 
 
@@ -81,8 +83,9 @@ def statistics_of(values: np.ndarray) -> ValueStatistics:
     """Statistics of values (E,)."""
     known = values[~np.isnan(values)]
     if not len(known):
-        return ValueStatistics(np.nan, np.nan, np.nan)
-    return ValueStatistics(float(known.mean()), float(np.percentile(known, 95)), float(known.max()))
+        return ValueStatistics(np.nan, np.nan, np.nan, np.nan, np.nan)
+    p5, p95 = np.percentile(known, [5, 95])
+    return ValueStatistics(float(known.mean()), float(p95), float(known.max()), float(p5), float(known.min()))
 
 
 def worst_struts(values: np.ndarray, count: int) -> np.ndarray:

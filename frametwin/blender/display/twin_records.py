@@ -9,15 +9,13 @@ import bpy
 import idprop
 import numpy as np
 
-from frametwin.blender.display.colours import BINS, Legend, colour_map
 from frametwin.blender.display.statistics import StrutValues
 from frametwin.errors import InputError
 from frametwin.twin.verdict import Verdict
 
 KEY = "frametwin_twin"
-LEGEND_KEY = "frametwin_legend"
 VERDICT_KEY = "frametwin_verdict"
-VERSION = 1
+VERSION = 2
 
 
 def store_values(
@@ -39,14 +37,14 @@ def load_values(collection: bpy.types.Collection) -> tuple[dict[str, StrutValues
     Raises
     ------
     InputError
-        If the collection has none, or was written by a later version.
+        If the collection has none, or was written by another version.
     """
     group = collection.get(KEY)
     where = f"collection {collection.name}"
     if not isinstance(group, idprop.types.IDPropertyGroup):
         raise InputError.at(where, "twin", "holds none", "choose the collection of a twin, or import a run")
     if group.get("version") != VERSION:
-        raise InputError.at(where, "twin", "was written by a later version", "update FrameTwin")
+        raise InputError.at(where, "twin", "was written by another version", "import its run again")
     columns = {
         name: StrutValues(name, str(column["unit"]), np.array(column["values"], dtype=np.float64))
         for name, column in group["columns"].items()
@@ -67,23 +65,3 @@ def load_verdict(collection: bpy.types.Collection) -> Verdict | None:
         return None
     reasons = tuple(reason for reason in str(group.get("reasons", "")).split("\n") if reason)
     return Verdict(str(group.get("status", "")), reasons)
-
-
-def store_legend(collection: bpy.types.Collection, legend: Legend) -> None:
-    """Remember what the colours mean."""
-    collection[LEGEND_KEY] = {name: getattr(legend, name) for name in ("quantity", "unit", "low", "high", "automatic")}
-
-
-def load_legend(collection: bpy.types.Collection) -> Legend | None:
-    """What the colours mean; ``None`` if nobody has said."""
-    group: Any = collection.get(LEGEND_KEY)
-    if not isinstance(group, idprop.types.IDPropertyGroup):
-        return None
-    return Legend(
-        str(group["quantity"]),
-        str(group["unit"]),
-        float(group["low"]),
-        float(group["high"]),
-        colour_map()[:BINS],
-        bool(group.get("automatic", False)),
-    )

@@ -1,4 +1,4 @@
-"""Digital twins in a scene: the ghosted plan and the curves found, in a collection of their own."""
+"""Digital twins in a scene: one Curves object each, with its plan as a ghost, in a collection of its own."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ import bpy
 import numpy as np
 
 from frametwin.blender.background.stepwise import TURN, run_steps
-from frametwin.blender.display.colours import Legend, colour_twin, materials_steps, remove_unused_colours
+from frametwin.blender.display.colouring import colour_struts, legend_of
+from frametwin.blender.display.colours import Legend
+from frametwin.blender.display.display_group import add_display, display_group_steps, remove_unused_display
+from frametwin.blender.display.display_inputs import GHOST, SIDES, sides_for
+from frametwin.blender.display.point_values import farthest, twin_attributes, twin_sampling
 from frametwin.blender.display.statistics import StrutValues, strut_values
-from frametwin.blender.display.twin_records import (
-    load_legend,
-    load_values,
-    store_legend,
-    store_values,
-    store_verdict,
-)
-from frametwin.blender.frames.curves import wireframe_to_curve_steps
+from frametwin.blender.display.twin_records import load_values, store_values, store_verdict
+from frametwin.blender.frames.strut_curves import StrutCurves, recorded_frame, strut_curves_steps
 from frametwin.blender.scene.collections import remove_collection
+from frametwin.blender.scene.units import mm_per_unit
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.geometry.wireframe import Wireframe
@@ -32,6 +31,9 @@ from frametwin.twin.verdict import Verdict
 RUN_KEY = "frametwin_run"
 ROLE_KEY = "frametwin_role"
 
+GHOSTS = 1000
+"""Most struts of a twin that comes with its plan as a ghost: on a larger one it would only be in the way."""
+
 
 @dataclass(frozen=True, eq=False)
 class TwinContent:
@@ -41,8 +43,8 @@ class TwinContent:
     ----------
     frame
         The plan.
-    curves
-        The twin as a frame, radius from its thickness.
+    struts
+        The twin as curves with attributes, radius from its thickness.
     values
         Quantities of every strut.
     missing, uncertain
@@ -54,7 +56,7 @@ class TwinContent:
     """
 
     frame: Wireframe
-    curves: Wireframe
+    struts: StrutCurves
     values: dict[str, StrutValues]
     missing: np.ndarray
     uncertain: np.ndarray
@@ -70,12 +72,22 @@ class TwinContent:
         InputError
             If the twin is not one of the frame.
         """
-        thickness = twin.thickness.mean(axis=1)
+        thickness = np.where(twin.thickness > 0.0, twin.thickness, frame.radius[:, None])
+        curves = twin.as_wireframe(frame).replace(radius=thickness.mean(axis=1))
+        missing = missing_struts(twin, frame.printed)
+        sampling = twin_sampling(twin, missing)
+        values = strut_values(twin, frame, truth)
+        attributes = twin_attributes(twin, frame, sampling, missing, values)
+        height = np.where(frame.printed, farthest(attributes["distance"].values, sampling), np.nan)
+        values["distance"] = StrutValues("distance", "mm", height)
+        numbers = np.arange(frame.strut_count)
+        struts = StrutCurves(curves, frame, sampling, attributes, numbers, sampling.between(thickness))
+        assert len(struts.points[0])  # worked out here, where a thread may do it, and not as the twin is shown
         return cls(
             frame,
-            twin.as_wireframe(frame).replace(radius=np.where(thickness > 0.0, thickness, frame.radius)),
-            strut_values(twin, frame, truth),
-            missing_struts(twin, frame.printed),
+            struts,
+            values,
+            missing,
             uncertain_struts(twin, frame.printed),
             run_folder,
             twin.verdict,
@@ -97,24 +109,38 @@ class TwinContent:
 
 @dataclass(frozen=True)
 class Colours:
-    """Which quantity the colours show, and from where to where: 0 and the highest value by default."""
+    """Which quantity the colours show, from where to where, and on which map: what suits the values by default."""
 
     quantity: str = "displacement"
     low: float | None = None
     high: float | None = None
+    map_name: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class TwinObjects:
-    """A twin in the scene: its collection and objects, values of every strut, findings, and what the colours mean."""
+    """A twin in the scene: its collection and object, values of every strut, findings, and what the colours mean."""
 
     collection: bpy.types.Collection
-    plan: bpy.types.Object
     twin: bpy.types.Object
     values: dict[str, StrutValues]
     missing: np.ndarray
     uncertain: np.ndarray
     legend: Legend
+
+    def frame(self) -> Wireframe:
+        """The twin as its run holds it, whatever became of the object; in mm.
+
+        Raises
+        ------
+        InputError
+            If the object has lost it.
+        """
+        return recorded_frame(self.twin)
+
+    def plan(self) -> Wireframe:
+        """The plan of the twin; see `frame`."""
+        return recorded_frame(self.twin, plan=True)
 
 
 def import_twin(
@@ -158,11 +184,10 @@ def show_twin_steps(
     scene: bpy.types.Scene | None = None,
     colours: Colours = Colours(),
 ) -> Generator[str | None, None, TwinObjects]:
-    """Make a collection with the plan (thin lines, not selectable, not rendered) and the twin, coloured.
+    """Make a collection with the twin, coloured, and its plan as a ghost.
 
     In steps of some milliseconds; if they fail or are not gone on with, nothing is left in the scene. It comes into
-    the scene when all of it is there: Blender, which works out the geometry of thousands of struts in a tenth of a
-    second, then does so once, between two steps.
+    the scene when all of it is there, and locked: what was measured is not to be moved by accident.
 
     Raises
     ------
@@ -173,35 +198,23 @@ def show_twin_steps(
     scene = bpy.context.scene if scene is None else scene
     collection = bpy.data.collections.new(collection_name or f"{frame.name} twin")
     try:
-        plan = yield from wireframe_to_curve_steps(frame, name=f"{frame.name} plan", collection=collection, scene=scene)
-        ghost(plan)
-        obj = yield from wireframe_to_curve_steps(
-            content.curves, name=f"{frame.name} twin", collection=collection, scene=scene
-        )
-        for owner, role in ((collection, "collection"), (plan, "plan"), (obj, "twin")):
+        obj = yield from strut_curves_steps(content.struts, f"{frame.name} twin", collection, mm_per_unit(scene))
+        for owner, role in ((collection, "collection"), (obj, "twin")):
             owner[RUN_KEY], owner[ROLE_KEY] = content.run_folder, role
-        yield None
         store_values(collection, content.values, content.missing, content.uncertain)
         store_verdict(collection, content.verdict)
         yield None
-        yield from materials_steps()
-        numbers = np.arange(frame.strut_count)
+        yield from display_group_steps()
+        add_display(obj, **{GHOST: frame.strut_count <= GHOSTS, SIDES: sides_for(frame.strut_count)})
         values = content.values[colours.quantity]
-        legend = colour_twin(obj, values, colours.low, colours.high, missing=content.missing, strut=numbers)
-        store_legend(collection, legend)
+        legend = colour_struts(obj, values, colours.low, colours.high, colours.map_name)
         yield None
         scene.collection.children.link(collection)
         yield TURN
     except BaseException:
         remove_twin(collection)
         raise
-    return TwinObjects(collection, plan, obj, content.values, content.missing, content.uncertain, legend)
-
-
-def ghost(plan: bpy.types.Object) -> None:
-    """Draw a frame's curve object as thin lines that are in nobody's way; its radius is remembered."""
-    plan.data.bevel_depth = 0.0
-    plan.display_type, plan.hide_select, plan.hide_render = "WIRE", True, True
+    return TwinObjects(collection, obj, content.values, content.missing, content.uncertain, legend)
 
 
 def is_twin(collection: bpy.types.Collection | None) -> bool:
@@ -218,18 +231,27 @@ def find_twin(collection: bpy.types.Collection) -> TwinObjects:
         If it shows no twin (any more).
     """
     values, missing, uncertain = load_values(collection)
-    legend = load_legend(collection)
-    roles = {obj.get(ROLE_KEY): obj for obj in collection.objects}
-    if legend is None or not {"plan", "twin"} <= roles.keys():
-        problem = "lacks the curves of its twin"
+    twin = twin_object(collection)
+    legend = None if twin is None else legend_of(twin)
+    if twin is None or legend is None:
+        problem = "lacks the curves of its twin, or their display"
         raise InputError.at(f"collection {collection.name}", "objects", problem, "import the run again")
-    return TwinObjects(collection, roles["plan"], roles["twin"], values, missing, uncertain, legend)
+    return TwinObjects(collection, twin, values, missing, uncertain, legend)
+
+
+def twin_object(collection: bpy.types.Collection) -> bpy.types.Object | None:
+    """The Curves object of a twin's collection; ``None`` if the user deleted it."""
+    return next((obj for obj in collection.objects if obj.get(ROLE_KEY) == "twin"), None)
 
 
 def recolour_twin(
-    collection: bpy.types.Collection, quantity: str, low: float | None = None, high: float | None = None
+    collection: bpy.types.Collection,
+    quantity: str,
+    low: float | None = None,
+    high: float | None = None,
+    map_name: str | None = None,
 ) -> Legend:
-    """Colour a twin by another quantity, or over another range; see `colour_twin`.
+    """Colour a twin by another quantity, over another range or on another map; see `colour_struts`.
 
     Raises
     ------
@@ -241,12 +263,10 @@ def recolour_twin(
         what = "the capture has no truth.json" if quantity.startswith("error") else "it is not known"
         remedy = f"choose one of {', '.join(shown.values)}"
         raise InputError.at(f"collection {collection.name}", quantity, f"cannot be shown, {what}", remedy)
-    legend = colour_twin(shown.twin, shown.values[quantity], low, high, missing=shown.missing)
-    store_legend(collection, legend)
-    return legend
+    return colour_struts(shown.twin, shown.values[quantity], low, high, map_name)
 
 
 def remove_twin(collection: bpy.types.Collection) -> None:
-    """Remove a twin's collection with all in it, and the colours that no other twin uses."""
+    """Remove a twin's collection with all in it, and the display if nothing else is drawn by it."""
     remove_collection(collection)
-    remove_unused_colours()
+    remove_unused_display()

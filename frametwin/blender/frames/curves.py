@@ -73,20 +73,7 @@ def wireframe_to_curve_steps(
     """Do as `wireframe_to_curve` in steps of a few milliseconds; if they are not gone on with, nothing is left."""
     scene = bpy.context.scene if scene is None else scene
     unit = mm_per_unit(scene)
-    numbers = np.arange(frame.strut_count) if strut is None else strut
-    record = FrameRecord(
-        name=frame.name,
-        mm_per_unit=unit,
-        bevel_depth=float(np.median(frame.radius)) / unit,
-        strut=checked_array(numbers, "i", (frame.strut_count,), frame.name, "strut"),
-        vertices=frame.vertices,
-        control_points=frame.control_points,
-        edges=frame.edges,
-        radius=frame.radius,
-        printed=frame.printed,
-        grounded=frame.grounded,
-        batch=frame.batch,
-    )
+    record = FrameRecord.of(frame, unit, strut)
     curve = bpy.data.curves.new(name or frame.name, "CURVE")
     try:
         curve.dimensions = "3D"

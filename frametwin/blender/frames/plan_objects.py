@@ -33,8 +33,11 @@ def is_added_plan(obj: bpy.types.Object) -> bool:
     return KEY in obj
 
 
-def make_active(obj: bpy.types.Object) -> bool:
-    """Show and select one object alone and make it active, in Object Mode; whether the present view layer has it."""
+def make_active(obj: bpy.types.Object, select: bool = True) -> bool:
+    """Show one object and make it active, in Object Mode; whether the present view layer has it.
+
+    Nothing else stays selected, and it is not either without ``select``: the outline would hide its colours.
+    """
     layer = bpy.context.view_layer
     layer.update()  # what was linked a moment ago is not in it yet
     if layer.objects.get(obj.name) != obj:
@@ -48,7 +51,7 @@ def make_active(obj: bpy.types.Object) -> bool:
         obj.local_view_set(space, True)
     for other in list(bpy.context.selected_objects):
         other.select_set(False)
-    obj.select_set(True)
+    obj.select_set(select)
     layer.objects.active = obj
     return True
 

@@ -7,12 +7,15 @@ coordinates in double precision, since Blender rounds its own to single.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import idprop
 import numpy as np
 
+from frametwin.arrays import checked_array
 from frametwin.errors import InputError
+from frametwin.geometry.wireframe import Wireframe
 
 KEY = "frametwin"
 FORMAT = "frametwin-curve"
@@ -52,6 +55,43 @@ class FrameRecord:
     grounded: np.ndarray
     batch: np.ndarray
 
+    @classmethod
+    def of(cls, frame: Wireframe, unit: float, strut: Any = None) -> FrameRecord:
+        """What is recorded of a frame that is drawn at so many mm a Blender unit.
+
+        Raises
+        ------
+        InputError
+            If ``strut``, the (E,) numbers of its struts in a greater frame, has another length.
+        """
+        numbers = np.arange(frame.strut_count) if strut is None else strut
+        return cls(
+            name=frame.name,
+            mm_per_unit=unit,
+            bevel_depth=float(np.median(frame.radius)) / unit,
+            strut=checked_array(numbers, "i", (frame.strut_count,), frame.name, "strut"),
+            vertices=frame.vertices,
+            control_points=frame.control_points,
+            edges=frame.edges,
+            radius=frame.radius,
+            printed=frame.printed,
+            grounded=frame.grounded,
+            batch=frame.batch,
+        )
+
+    def frame(self) -> Wireframe:
+        """The frame, to the last bit."""
+        return Wireframe(
+            vertices=self.vertices,
+            edges=self.edges,
+            control_points=self.control_points,
+            radius=self.radius,
+            printed=self.printed,
+            grounded=self.grounded,
+            batch=self.batch,
+            name=self.name,
+        )
+
     def rounded_points(self) -> np.ndarray:
         """(E, 4, 3) float32 control points as Blender has them: in units, in single precision."""
         return (self.control_points / self.mm_per_unit).astype(np.float32)
@@ -61,11 +101,11 @@ class FrameRecord:
         return (self.radius / (self.bevel_depth * self.mm_per_unit)).astype(np.float32)
 
 
-def store_record(curve: bpy.types.Curve, record: FrameRecord) -> None:
-    """Write a record onto its curve."""
+def store_record(curve: bpy.types.Curve | bpy.types.Curves, record: FrameRecord, key: str = KEY) -> None:
+    """Write a record onto its curve, as a custom property of this name."""
     columns = {name: _column(getattr(record, name)) for name in COLUMNS}
     numbers = {"name": record.name, "mm_per_unit": record.mm_per_unit, "bevel_depth": record.bevel_depth}
-    curve[KEY] = {"format": FORMAT, "version": VERSION, **numbers, **columns}
+    curve[key] = {"format": FORMAT, "version": VERSION, **numbers, **columns}
 
 
 def _column(values: np.ndarray) -> np.ndarray:
@@ -77,8 +117,8 @@ def _column(values: np.ndarray) -> np.ndarray:
     return flat.astype(np.int32 if fits else np.float64)
 
 
-def load_record(curve: bpy.types.Curve, source: str) -> FrameRecord | None:
-    """Read the record.
+def load_record(curve: bpy.types.Curve | bpy.types.Curves, source: str, key: str = KEY) -> FrameRecord | None:
+    """Read the record that the custom property ``key`` holds.
 
     Returns
     -------
@@ -89,13 +129,13 @@ def load_record(curve: bpy.types.Curve, source: str) -> FrameRecord | None:
     InputError
         If it is of a later version.
     """
-    group = curve.get(KEY)
+    group = curve.get(key)
     if not isinstance(group, idprop.types.IDPropertyGroup) or group.get("format") != FORMAT:
         return None
     if group.get("version") != VERSION:
         raise InputError.at(
             source,
-            f'custom property "{KEY}"',
+            f'custom property "{key}"',
             f"was written in version {group.get('version')!r}, {VERSION} is known here",
             "update FrameTwin, or delete the property to read the curve as it is drawn",
         )
