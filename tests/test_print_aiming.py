@@ -25,7 +25,7 @@ from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JOB
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
-from frametwin.printing.process.creep import CreepModel, PrintState
+from frametwin.printing.process.creep import LARGEST_MOVE, CreepModel, CreepParameters, PrintState
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.resizing import resized, suitable_size
@@ -294,3 +294,18 @@ def _falls(length: float, material: MaterialEstimate) -> Fall | None:
     frame, sequence = gallows(length)
     fit = CreepForecast.start(frame, material).fit
     return first_fall(fit, frame, [sequence.struts[sequence.batch == batch] for batch in range(3)])
+
+
+def test_a_forecast_of_a_frame_that_gives_way_stays_within_reason() -> None:
+    """Weight without measure, and a strut that nothing holds up: every joint moves by a share of the extent at most."""
+    frame = named_frame("bridge")
+    model = CreepModel(frame, PrintSettings())
+    count = frame.strut_count
+    heavy = CreepParameters(1e9, 50.0, 0.05, 1.0, np.ones(count), np.zeros((count, 2)))
+    state = PrintState.before(frame.replace(printed=[False] * count), np.zeros(count), 0.0)
+    high = int(np.argmax(frame.vertices[frame.edges].min(axis=1)[:, 2]))
+    after = model.after(state, np.array([high]), heavy)
+    np.testing.assert_array_equal(after.points, state.points)  # it hangs in the air
+    everything = model.after(state, np.arange(count), heavy)
+    moved = np.linalg.norm(everything.points - state.points, axis=1)
+    assert np.isfinite(everything.points).all() and 0.0 < moved.max() <= LARGEST_MOVE * frame.extent * (1.0 + 1e-9)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import SuperLU
 
 from frametwin.geometry.wireframe import Wireframe
@@ -23,6 +24,11 @@ from frametwin.printing.process.material import PrintSettings
 BUBBLE = 3.0 / 14.0 / 3.0 / 24.0
 """An even load q bows a clamped beam by q L^4 / (24 E I) (x (1 - x))^2. The parabola nearest to that, 3/14 x (1 - x),
 moves both inner control points by a third of its factor."""
+
+
+LARGEST_MOVE = 0.1
+"""Furthest that a joint moves in one step, as a share of the design's extent: beyond, small displacements say nothing,
+and a frame that gives way entirely would move without end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +106,7 @@ class CreepStep:
     moved : (V, 6) array
         Displacements in mm and rotations in rad of the joints.
     struts : (N,) int64 array
-        Those that stand.
+        Those that stand on the plate, by whatever way; what hangs in the air for want of a lost strut does not move.
     freedoms : (N, 12) int64 array
         Rows of the struts' ends.
     stiffness, along : (N, 12, 12) array
@@ -169,6 +175,7 @@ class CreepModel:
         """
         design, material = self.design, self.settings.material
         struts = np.flatnonzero(state.laid)
+        struts = struts[_held_up(design.edges[struts], design.grounded)]
         edges, radius = design.edges[struts], design.radius[struts]
         ages = np.maximum(np.stack([np.full(len(struts), since), np.full(len(struts), state.clock)]), 0.0)
         ages = np.maximum(ages - state.laid_at[struts], 0.0)
@@ -190,7 +197,7 @@ class CreepModel:
         if len(free):
             factor = _factor(stiffness, freedoms, free, size)
             moved[free] = factor.solve(force[free])
-        moved = moved.reshape(-1, 6)
+        moved = _bounded(moved.reshape(-1, 6), LARGEST_MOVE * design.extent)
         if bows is not None:
             bows[struts] += _bows(start, end, moved[edges], weight * pull, sections.bending)
         return CreepStep(moved, struts, freedoms, stiffness, along, sideways[:, :, :2], free, factor, ages)
@@ -212,6 +219,21 @@ class CreepModel:
             step = self.step(state, since, parameters, bows)
             state = replace(state, points=state.points + step.moved[:, :3])
         return state
+
+
+def _bounded(moved: np.ndarray, most: float) -> np.ndarray:
+    """Movements (V, 6) none of which shifts a joint further than ``most`` mm; those without a value are left out."""
+    sound = np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0)
+    shift = np.linalg.norm(sound[:, :3], axis=1, keepdims=True)
+    return np.asarray(sound * np.minimum(1.0, most / np.maximum(shift, 1e-12)))
+
+
+def _held_up(edges: np.ndarray, grounded: np.ndarray) -> np.ndarray:
+    """(N,) bool: which of the struts (N, 2) reach a grounded joint by way of each other."""
+    count = len(grounded)
+    joined = sparse.coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    _, piece = connected_components(joined, directed=False)
+    return np.asarray(np.isin(piece[edges[:, 0]], piece[grounded]))
 
 
 def _factor(stiffness: np.ndarray, freedoms: np.ndarray, free: np.ndarray, size: int) -> SuperLU:
