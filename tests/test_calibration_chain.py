@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -15,10 +16,13 @@ from cli_tools import done, refused
 from frametwin.calibration.boards import parse_board
 from frametwin.cameras.rig_file import Rig, RigCamera, read_rig
 from frametwin.capture.capture import read_capture
+from frametwin.fitting.camera_freedoms import RigErrors
+from frametwin.fitting.plate_cameras import through_plate
 from frametwin.formats import frame_json
 from frametwin.geometry.parametric import named_frame
 
 COUNT = 4
+PLATE = "plate:6x5:30:24:APRILTAG_36h11"
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +36,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[RigCamera
     moment_pictures(folder / "moments", cameras, board, 6)
     block_pictures(folder / "block", cameras)
     block_pictures(folder / "top", cameras, "checkerboard:5x4:9", (*AT[:2], AT[2] + 70.0, AT[3]))
+    block_pictures(folder / "plate", cameras, PLATE)
     return folder, cameras
 
 
@@ -91,6 +96,34 @@ def test_the_paper_s_checkerboard_on_top_tells_the_same_world(placed: Path, cell
     done("calibrate", "place", rig, folder / "top", "--object", "checkerboard:5x4:9", "--at", at, "--quiet")
     places, angles = errors_of(read_rig(rig), cameras)
     assert max(places) < 2.0 and max(angles) < 0.3  # a small flat board tells a world less well
+
+
+def test_a_plate_tells_the_world_and_every_capture_of_it(
+    placed: Path, cell: tuple[Path, list[RigCamera]], tmp_path: Path
+) -> None:
+    folder, cameras = cell
+    rig = tmp_path / "rig"
+    shutil.copytree(placed, rig)
+    at = ",".join(str(value) for value in AT)
+    done("calibrate", "place", rig, folder / "plate", "--object", PLATE, "--at", at, "--quiet")
+    places, angles = errors_of(read_rig(rig), cameras)
+    assert max(places) < 0.6 and max(angles) < 0.12
+    shots = tmp_path / "shots"
+    shots.mkdir()
+    for camera in cameras:
+        shutil.copyfile(folder / "plate" / camera.name / "block.png", shots / f"{camera.name}.png")
+    plan = tmp_path / "plan.json"
+    frame_json.write(plan, named_frame("lattice_tower"))
+    done("capture", rig, shots, "--frame", plan, "--base", at, "--out", tmp_path / "capture", "--quiet")
+    capture = read_capture(tmp_path / "capture")
+    assert capture.plate is not None
+    np.testing.assert_allclose(capture.plate.pose, np.eye(4), atol=1e-9)  # the base is where the plate is
+    placed_again = through_plate(capture, RigErrors())
+    assert all(found is not None and found.error < 0.5 for found in placed_again.found)
+    sigmas = [np.abs(found.freedoms / view.camera.deviations).max()
+              for found, view in zip(placed_again.found, capture.views, strict=True)
+              if found is not None and view.camera.deviations is not None]  # fmt: skip
+    assert len(sigmas) == COUNT and max(sigmas) < 3.0  # the rig knows these cameras as well as it says
 
 
 def test_a_capture_is_made_of_raw_pictures(placed: Path, cell: tuple[Path, list[RigCamera]], tmp_path: Path) -> None:

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from camera_cases import LENS
 
-from frametwin.cameras import Camera, look_at
+from frametwin.calibration.uncertainty import point_uncertainty
+from frametwin.cameras import Camera, look_at, packed
 from frametwin.cameras.lens_models import FISHEYE, LENS_KEYS, PERSPECTIVE, project, rays
-from frametwin.cameras.rig_file import Rig, RigCamera, read_rig, write_rig
+from frametwin.cameras.rig_file import DRIFT, Rig, RigCamera, read_rig, write_rig
 from frametwin.capture.transforms import read_cameras
 from frametwin.errors import InputError
+from frametwin.fitting.camera_freedoms import view_motions
 
 LENSES = {
     PERSPECTIVE: np.array([900.0, 910.0, 640.5, 350.0, *LENS]),
@@ -183,17 +185,45 @@ def test_a_rig_camera_is_the_camera_of_everything_else() -> None:
 
 
 def test_what_is_known_of_a_camera_reaches_the_fit() -> None:
-    """Each freedom's own deviation, in the units of the fit."""
+    """Each freedom's own deviation and what is known of several together, in the units of the fit."""
     camera = some_rig().cameras[0]
     assert camera.covariance is not None
     known = camera.as_camera().deviations
     assert known is not None
     spread = dict(zip(camera.keys, np.sqrt(np.diag(camera.covariance)), strict=True))
     names = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
-    np.testing.assert_allclose(known[:6], [spread[name] for name in names])
-    np.testing.assert_allclose(known[7:], [spread["cx"], spread["cy"], spread["k1"]])
+    np.testing.assert_allclose(known[:6], np.hypot([spread[name] for name in names], DRIFT[:6]))
+    np.testing.assert_allclose(known[7:], np.hypot([spread["cx"], spread["cy"], spread["k1"]], DRIFT[7:]))
     focal = camera.covariance[:2, :2] / np.outer(camera.lens[:2], camera.lens[:2])
-    assert known[6] == pytest.approx(np.sqrt(focal.mean()))
-    assert some_rig("none").cameras[0].deviations is None
-    half = camera.as_camera().resized(640, 360).deviations
-    np.testing.assert_allclose(half, known * [*7 * [1.0], 0.5, 0.5, 1.0])
+    assert known[6] == pytest.approx(np.sqrt(focal.mean() + DRIFT[6] ** 2))
+    assert some_rig("none").cameras[0].freedoms_covariance is None
+    half = camera.as_camera().resized(640, 360)
+    np.testing.assert_allclose(half.deviations, known * [*7 * [1.0], 0.5, 0.5, 1.0])
+
+
+def test_what_a_rig_knows_of_freedoms_together_is_that_of_the_points_it_sees() -> None:
+    """The spread in pixels by the fit's freedoms is that by the calibration's parameters, whatever their signs are."""
+    camera = some_rig().cameras[0]
+    assert camera.camera_to_world is not None and camera.covariance is not None
+    chosen = [0, 1, 2, 3, 4, *range(9, 15)]  # what the fit's freedoms do not have is taken as known
+    mixed = np.random.default_rng(2).normal(size=(11, 11)) * [3e-1, 3e-1, 1.0, 1.0, 1e-3, *3 * [1e-3], *3 * [0.5]]
+    mixed[:, 1] = mixed[:, 0] * camera.lens[1] / camera.lens[0]  # one focal length for both directions
+    spread = np.zeros((15, 15))
+    spread[np.ix_(chosen, chosen)] = mixed.T @ mixed
+    camera = replace(camera, lens=np.array([*camera.lens[:4], *5 * [0.0]]), covariance=spread)
+    local = np.random.default_rng(3).uniform([-60.0, -60.0, 440.0], [60.0, 60.0, 560.0], size=(20, 3))
+    points = local @ camera.camera_to_world[:3, :3].T + camera.centre
+    by_calibration = point_uncertainty(camera, points)
+    seen = camera.as_camera()
+    motion = view_motions(points, packed([seen])[0], 1.0)
+    by_world = projection_slopes(seen, points)
+    by_freedom = np.einsum("nij,njf->nif", by_world, motion)
+    assert seen.covariance is not None
+    total = by_freedom @ (seen.covariance - np.diag(DRIFT**2)) @ by_freedom.transpose(0, 2, 1)
+    np.testing.assert_allclose(np.sqrt(np.linalg.eigvalsh(total)[:, -1]), by_calibration, rtol=1e-4)
+
+
+def projection_slopes(camera: Camera, points: np.ndarray, step: float = 1e-3) -> np.ndarray:
+    """(N, 2, 3) derivatives of where points are seen, by differences."""
+    moved = [np.stack([camera.project(points + side * step * axis)[0] for side in (1, -1)]) for axis in np.eye(3)]
+    return np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in moved], axis=-1)

@@ -62,8 +62,8 @@ def taken(folder: Path, told: tuple[Camera, ...], real: tuple[Camera, ...]) -> C
 def test_a_capture_knows_how_well_its_cameras_are_known(tmp_path: Path, cameras: tuple[Camera, ...]) -> None:
     capture = taken(tmp_path / "capture", cameras, cameras)
     for view, camera in zip(capture.views, rig_of(cameras).cameras, strict=True):
-        np.testing.assert_allclose(view.camera.deviations, camera.deviations)
-        np.testing.assert_allclose(view.camera.without_distortion().deviations, camera.deviations)
+        np.testing.assert_allclose(view.camera.covariance, camera.freedoms_covariance)
+        np.testing.assert_allclose(view.camera.without_distortion().covariance, camera.freedoms_covariance)
     assert FILE_NAME in capture.hashes
 
 

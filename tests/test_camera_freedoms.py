@@ -13,7 +13,6 @@ from frametwin.cameras import packed
 from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting import camera_steps, gauge
 from frametwin.fitting.camera_freedoms import (
-    DRIFT,
     FOCAL,
     FREEDOMS,
     LENS,
@@ -22,9 +21,12 @@ from frametwin.fitting.camera_freedoms import (
     RigErrors,
     camera_terms,
     corrected,
+    deviations_of,
     moved_cameras,
-    rig_deviations,
+    pixel_noise,
+    rig_covariances,
     view_motions,
+    whitening,
     with_cameras,
 )
 from frametwin.fitting.elastic import ElasticFrame
@@ -39,6 +41,11 @@ UNITS = np.array([*3 * [1e-4], *3 * [1e-2], 1e-4, *2 * [1e-2], 1e-3])
 
 def level(size: int = 3):
     return level_of(views()[:size], blur=0.8)
+
+
+def believed(errors: RigErrors) -> np.ndarray:
+    """(3, 10, 10) covariances of cameras that are known so well."""
+    return np.tile(np.diag(errors.deviations() ** 2), (3, 1, 1))
 
 
 def random_freedoms(seed: int, size: float = 1.0) -> np.ndarray:
@@ -111,7 +118,7 @@ def test_the_joint_step_solves_the_whole_system() -> None:
     drawn = as_rods(elastic, pose, 4)
     terms = gauss_newton_by_view(drawn, pictures)
     cameras = camera_terms(drawn, terms, pictures.cameras, SCALES)
-    prior = CameraPrior.of(np.tile(RigErrors().deviations(), (3, 1)))
+    prior = CameraPrior.of(believed(RigErrors()))
     freedoms = random_freedoms(3, 0.1)
     system = camera_steps.reduced_system(elastic, terms.summed(), cameras, (pose, pose), (freedoms, prior), (0.05, 0.1))
     joints, inner, moved = camera_steps.whole_step(elastic, system)
@@ -128,8 +135,8 @@ def test_the_joint_step_solves_the_whole_system() -> None:
     own_joints, own_inner = free_step(elastic, pulled, pose, pose, 0.05, 0.1)
     np.testing.assert_allclose(joints, own_joints, atol=1e-6 * np.abs(joints).max())
     np.testing.assert_allclose(inner, own_inner, atol=1e-6 * np.abs(inner).max())
-    gradient = cameras.gradient + prior.weight * freedoms
-    gradient = gradient + np.einsum("vfg,vg->vf", cameras.matrix, moved) + prior.weight * moved
+    gradient = cameras.gradient + prior.pull(freedoms)
+    gradient = gradient + np.einsum("vfg,vg->vf", cameras.matrix, moved) + prior.pull(moved)
     control = np.einsum("eij,ej->ei", elastic.follow, joints.ravel()[elastic.freedoms])
     control[:, 3:9] += inner
     gradient += np.einsum("eavf,ea->vf", cameras.struts, control)
@@ -164,7 +171,7 @@ def test_the_world_comes_back_to_its_feet() -> None:
     plan = start_pose(elastic)
     motion = moved_by(1.004, np.array([0.003, 0.002, -0.004]), np.array([0.7, -0.4, 0.3]))
     away, rig = gauge.moved_pose(elastic, plan, motion), gauge.moved_rig(pictures.cameras, np.zeros((3, 10)), motion)
-    back = gauge.held_world(elastic, away, pictures.cameras, rig, np.tile(RigErrors().deviations(), (3, 1)))
+    back = gauge.held_world(elastic, away, pictures.cameras, rig, believed(RigErrors()))
     home = gauge.moved_pose(elastic, away, back)
     feet = home.joints[elastic.frame.grounded, :3]
     assert np.abs(feet).max() < 0.01
@@ -178,18 +185,67 @@ def test_one_foot_that_came_off_carries_nothing_along() -> None:
     joints = pose.joints.copy()
     joints[np.flatnonzero(elastic.frame.grounded)[0], :3] = [0.0, 4.0, 3.0]
     loose = Pose(joints, pose.inner, pose.radius, pose.opacity)
-    motion = gauge.held_world(
-        elastic, loose, pictures.cameras, np.zeros((3, 10)), np.tile(RigErrors(shift=0.5).deviations(), (3, 1))
-    )
+    motion = gauge.held_world(elastic, loose, pictures.cameras, np.zeros((3, 10)), believed(RigErrors(shift=0.5)))
     others = np.flatnonzero(elastic.frame.grounded)[1:]
     assert np.linalg.norm(motion(elastic.frame.vertices[others]) - elastic.frame.vertices[others], axis=1).max() < 1.0
 
 
-def test_cameras_are_held_by_their_own_calibration_and_what_drifts_after_it() -> None:
-    known = np.array([*3 * [1e-4], *3 * [0.5], 2e-4, 0.1, 0.2, 5e-4])
+def some_covariance(seed: int) -> np.ndarray:
+    """(10, 10) of freedoms that are known together as well as alone."""
+    mixed = np.random.default_rng(seed).normal(size=(FREEDOMS, FREEDOMS)) * UNITS[:, None]
+    return mixed @ mixed.T
+
+
+def test_cameras_are_held_by_their_own_calibration_or_by_the_usual_errors() -> None:
+    known = some_covariance(1)
     some, other = ring_rig(np.array([[-50.0, -50.0, 0.0], [50.0, 50.0, 80.0]]), 2, size=(80, 60))
     errors = RigErrors(turn=1.0)
-    own, usual = rig_deviations([replace(some, deviations=known), other], errors)
-    np.testing.assert_allclose(own**2, known**2 + DRIFT.deviations() ** 2)
-    np.testing.assert_array_equal(usual, errors.deviations())
-    np.testing.assert_allclose(CameraPrior.of(own[None]).weight[0] * own**2, NOISE**2)
+    own, usual = rig_covariances([replace(some, covariance=known), other], errors)
+    np.testing.assert_array_equal(own, known)
+    np.testing.assert_allclose(deviations_of(usual), errors.deviations())
+
+
+def test_what_is_known_of_several_freedoms_together_is_kept() -> None:
+    """White freedoms have the identity as covariance, and the prior's loss is their squared length."""
+    covariances = np.stack([some_covariance(seed) for seed in range(3)])
+    white = whitening(covariances)
+    spread = np.matmul(np.matmul(white, covariances), white.transpose(0, 2, 1))
+    np.testing.assert_allclose(spread, np.tile(np.eye(FREEDOMS), (3, 1, 1)), atol=1e-6)
+    freedoms = random_freedoms(4)
+    prior = CameraPrior.of(covariances)
+    lengths = sum(own @ np.linalg.solve(known, own) for own, known in zip(freedoms, covariances, strict=True))
+    assert prior.loss(freedoms) == pytest.approx(0.5 * NOISE**2 * lengths, rel=1e-6)
+    for freedom, unit in enumerate(UNITS):
+        step = np.zeros((3, FREEDOMS))
+        step[1, freedom] = unit
+        slope = (prior.loss(freedoms + step) - prior.loss(freedoms - step)) / (2.0 * unit)
+        assert prior.pull(freedoms)[1, freedom] == pytest.approx(slope, rel=1e-5)
+
+
+def test_outlines_that_err_alike_weigh_as_few_pixels() -> None:
+    assert pixel_noise(0.0) == NOISE
+    assert pixel_noise(0.2) ** 2 == pytest.approx(NOISE**2 + 50.0 * 0.2**2)
+
+
+def test_what_photographs_do_to_all_feet_does_not_become_less_by_their_number() -> None:
+    """The mean of n feet that share an error keeps it; their own errors become less by the root of n."""
+    for stories in (1, 3):
+        frame = tower(stories)
+        count = frame.grounded.sum()
+        assert gauge.foot_deviation(frame, 0.0) == gauge.FEET
+        common = gauge.foot_deviation(frame, 0.13) / np.sqrt(count)
+        assert common**2 == pytest.approx(0.13**2 + gauge.FEET**2 / count)
+
+
+def test_the_world_is_held_by_cameras_and_feet_together() -> None:
+    """Cameras that may only be shifted, each by itself, hold the world by their mean; feet do so with them."""
+    elastic, pictures = ElasticFrame(tower(1)), level()
+    still = RigErrors(turn=1e-5, shift=0.2)
+    at = {
+        what: gauge.world_deviation(elastic, pictures.cameras, believed(still), what, foot=0.2)
+        for what in ("rig", "cameras", "feet")
+    }
+    assert not at["rig"].any()
+    assert at["cameras"].min() == pytest.approx(0.2 / np.sqrt(3), rel=0.02)
+    both = 1.0 / np.hypot(np.sqrt(3) / 0.2, np.sqrt(elastic.frame.grounded.sum()) / 0.2)
+    assert at["feet"].min() == pytest.approx(both, rel=0.02)

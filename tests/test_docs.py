@@ -149,7 +149,7 @@ def check_command(arguments: list[str]) -> None:
     context: click.Context | None = None
     name = "frametwin"
     while isinstance(command, click.Group):
-        context = click.Context(command, info_name=name, parent=context)
+        context = click.Context(command, info_name=name, parent=context, **command.context_settings)
         found = command.get_command(context, arguments[0])
         assert found is not None, f"there is no command {arguments[0]}"
         command, name, arguments = found, arguments[0], arguments[1:]

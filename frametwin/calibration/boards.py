@@ -2,7 +2,8 @@
 
 A board's own axes have their origin in the middle of the pattern, x along the columns to the right, y up the sheet and
 z out of the paper, so a board that lies on a table face up has z up. Of the cuboid the origin is the middle of the
-bottom, x along its first edge and y along its second.
+bottom, x along its first edge and y along its second. A plate is a border of tags about a place that stays free for the
+print.
 """
 
 from __future__ import annotations
@@ -20,14 +21,19 @@ from frametwin.errors import InputError
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-KINDS = ("checkerboard", "charuco", "aprilgrid", "cuboid")
+KINDS = ("checkerboard", "charuco", "aprilgrid", "cuboid", "plate")
 DICTIONARIES = {
     name.removeprefix("DICT_"): int(getattr(cv2.aruco, name))
     for name in sorted(dir(cv2.aruco))
     if name.startswith("DICT_")
 }
-USUAL_DICTIONARY = {"charuco": "4X4_250", "aprilgrid": "APRILTAG_36h11", "cuboid": "4X4_100"}
-MARKER_SHARE = {"charuco": 0.75, "aprilgrid": 0.75, "cuboid": 2.0 / 3.0}
+USUAL_DICTIONARY = {
+    "charuco": "4X4_250",
+    "aprilgrid": "APRILTAG_36h11",
+    "cuboid": "4X4_100",
+    "plate": "APRILTAG_36h11",
+}
+MARKER_SHARE = {"charuco": 0.75, "aprilgrid": 0.75, "cuboid": 2.0 / 3.0, "plate": 0.75}
 CUBOID_EDGES: tuple[float, ...] = (50.0, 60.0, 70.0)
 CUBOID_SQUARE = 12.0
 """The block of the paper's section V.B in mm, and the squares on it."""
@@ -46,10 +52,10 @@ class Board:
     kind
         One of `KINDS`.
     columns, rows
-        Inner corners of a checkerboard (as OpenCV counts), squares of a ChArUco board, tags of an AprilGrid; 0 of a
-        cuboid.
+        Inner corners of a checkerboard (as OpenCV counts), squares of a ChArUco board, tags of an AprilGrid or along
+        the sides of a plate; 0 of a cuboid.
     square
-        Edge of a square in mm; of an AprilGrid, the distance from one tag to the next.
+        Edge of a square in mm; of an AprilGrid or a plate, the distance from one tag to the next.
     marker
         Edge of a marker in mm; 0 of a checkerboard.
     dictionary
@@ -82,7 +88,7 @@ class Face:
     Attributes
     ----------
     kind
-        ``checkerboard``, ``charuco`` or ``aprilgrid``.
+        ``checkerboard``, ``charuco``, ``aprilgrid`` or ``plate``.
     name
         Such as ``top``; empty for a board of one face.
     columns, rows
@@ -119,7 +125,7 @@ class Face:
     @property
     def flat_corners(self) -> Floats:
         """(N, 2) corners in the face's own axes, mm: row by row from the top left, four for each tag."""
-        if self.kind == "aprilgrid":
+        if self.kind in ("aprilgrid", "plate"):
             return self.marker_corners.reshape(-1, 2)
         columns, rows = (self.columns, self.rows) if self.kind == "checkerboard" else (self.columns - 1, self.rows - 1)
         y, x = np.mgrid[0:rows, 0:columns].astype(np.float64)
@@ -135,6 +141,9 @@ class Face:
             middle = 0.5 * self.square * np.array([self.columns, self.rows])
             return (found - middle) * (1.0, -1.0)
         row, column = np.divmod(np.arange(self.columns * self.rows), self.columns)
+        if self.kind == "plate":
+            border = (row % (self.rows - 1) == 0) | (column % (self.columns - 1) == 0)
+            row, column = row[border], column[border]
         middle = self.square * np.stack([column - 0.5 * (self.columns - 1), 0.5 * (self.rows - 1) - row], axis=1)
         ring = 0.5 * self.marker * np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
         return middle[:, None] + ring
@@ -244,7 +253,7 @@ def parse_board(text: str, source: str = "--board") -> Board:
         form = "checkerboard:COLUMNSxROWS:SQUARE_MM, such as checkerboard:9x6:25" if most == 3 else _FORM
         raise InputError.at(source, text, "is not written as a board", f"write {form}")
     columns, rows = int(found[1]), int(found[2])
-    least = {"checkerboard": 3, "charuco": 3, "aprilgrid": 1}[kind]
+    least = {"checkerboard": 3, "charuco": 3, "aprilgrid": 1, "plate": 3}[kind]
     if not least <= min(columns, rows) <= max(columns, rows) <= LARGEST_COUNT:
         remedy = f"give {least} to {LARGEST_COUNT} columns and rows"
         raise InputError.at(source, text, f"{columns} x {rows} is not a size of such a board", remedy)
@@ -252,7 +261,7 @@ def parse_board(text: str, source: str = "--board") -> Board:
     if kind == "checkerboard":
         return Board(kind, columns, rows, square)
     marker, dictionary = _markers(kind, parts[3:], square, text, source)
-    needed = columns * rows // (2 if kind == "charuco" else 1)
+    needed = {"charuco": columns * rows // 2, "plate": 2 * (columns + rows) - 4}.get(kind, columns * rows)
     _check_dictionary(dictionary, needed, text, source)
     return Board(kind, columns, rows, square, marker, dictionary)
 

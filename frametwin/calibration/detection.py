@@ -287,7 +287,7 @@ def _aprilgrid(grey: NDArray[np.uint8], face: Face) -> tuple[Integers, Floats]:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 2))
     found: dict[int, Floats] = {}
     for ring, number in zip(rings, numbers.ravel(), strict=True):
-        if 0 <= number - face.first_marker < face.columns * face.rows:
+        if 0 <= number - face.first_marker < len(face.marker_ids):
             corners = edge_corners(grey, np.asarray(ring, dtype=np.float64).reshape(4, 2), face.aruco.markerSize + 2)
             if corners is not None:
                 found[int(number - face.first_marker)] = corners

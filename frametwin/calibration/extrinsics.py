@@ -80,6 +80,7 @@ def calibrate_extrinsics(
         cameras=tuple(adjusted.camera(i) for i in range(len(rig.cameras))),
         world="camera",
         placed_by={},
+        plate=None,
         board=looked.board.text,
         date=now(),
         notes=(*earlier[0], *noted("extrinsics", (*looked.notes, *notes))),

@@ -17,6 +17,7 @@ from frametwin.calibration.page import Evidence
 from frametwin.calibration.pose_graph import find_start
 from frametwin.calibration.poses import board_poses, rms_of
 from frametwin.calibration.rig_folder import Seen, now
+from frametwin.cameras.plate import Plate
 from frametwin.cameras.rig_file import Rig, noted
 from frametwin.errors import InputError
 from frametwin.files import PathLike
@@ -109,6 +110,7 @@ def place_rig(
         rig,
         cameras=tuple(adjusted.camera(i) for i in range(len(rig.cameras))),
         world="robot",
+        plate=Plate(looked.board.text, pose) if looked.board.kind == "plate" else None,
         placed_by={"object": looked.board.text, "at": list(at), **figures},
         date=now(),
         notes=(*earlier[0], *noted("place", notes)),

@@ -48,9 +48,10 @@ class Camera:
         OpenCV's coefficients: (5,) k1, k2, p1, p2, k3, zeros for none; of a fisheye (4,) k1, k2, k3, k4.
     model
         ``OPENCV`` (perspective) or ``OPENCV_FISHEYE``.
-    deviations
-        How well the camera is known: standard deviations (10,) of its turns about its own axes (radians), its centre
-        (mm), the logarithm of its focal length, its principal point (px) and k1; ``None`` where nobody says.
+    covariance
+        How well the camera is known: covariance (10, 10) of its turns about its own axes (radians), its centre in the
+        world (mm), the logarithm of its focal length, its principal point (px) and k1; ``None`` where nobody says. A
+        turn is positive where the picture's content turns so: that of the camera itself has the other sign.
     source
         Where the values come from, such as a file and a field; only named in error messages, not kept.
 
@@ -71,7 +72,7 @@ class Camera:
     camera_to_world: Floats
     distortion: Floats = field(default_factory=lambda: np.zeros(5))
     model: str = PERSPECTIVE
-    deviations: Floats | None = None
+    covariance: Floats | None = None
     source: InitVar[str | None] = None
 
     def __post_init__(self, source: str | None) -> None:
@@ -97,8 +98,8 @@ class Camera:
         count = len(DISTORTION_KEYS[self.model])
         coefficients = checked_array(self.distortion, "f", (count,), where, "distortion")
         arrays = {"camera_to_world": pose, "distortion": coefficients}
-        if self.deviations is not None:
-            arrays["deviations"] = checked_array(self.deviations, "f", (10,), where, "deviations")
+        if self.covariance is not None:
+            arrays["covariance"] = checked_array(self.covariance, "f", (10, 10), where, "covariance")
         for key, array in arrays.items():
             array.setflags(write=False)
             object.__setattr__(self, key, array)
@@ -122,6 +123,11 @@ class Camera:
         matrix[:3, 3] = -rotation @ self.camera_to_world[:3, 3]
         matrix.setflags(write=False)
         return matrix
+
+    @property
+    def deviations(self) -> Floats | None:
+        """(10,) standard deviations of what `covariance` has, each whatever the others are."""
+        return None if self.covariance is None else np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def centre(self) -> Floats:
@@ -197,6 +203,7 @@ class Camera:
     def resized(self, width: int, height: int) -> Camera:
         """The camera of the same picture resampled to another size."""
         sx, sy = width / self.width, height / self.height
+        scales = np.array([*7 * [1.0], sx, sy, 1.0])
         return replace(
             self,
             width=width,
@@ -205,7 +212,7 @@ class Camera:
             fl_y=self.fl_y * sy,
             cx=self.cx * sx,
             cy=self.cy * sy,
-            deviations=None if self.deviations is None else self.deviations * [*7 * [1.0], sx, sy, 1.0],
+            covariance=None if self.covariance is None else self.covariance * np.outer(scales, scales),
         )
 
     def without_distortion(self) -> Camera:

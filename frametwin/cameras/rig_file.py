@@ -17,6 +17,7 @@ from frametwin.arrays import checked_array, is_plain_text
 from frametwin.cameras.camera import MAX_PIXELS, Camera
 from frametwin.cameras.conversions import OPENGL_AXES
 from frametwin.cameras.lens_models import LENS_KEYS, PERSPECTIVE
+from frametwin.cameras.plate import Plate, parse_plate
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
 
@@ -29,6 +30,11 @@ WORLDS = ("none", "camera", "robot")
 
 STEPS = ("intrinsics", "extrinsics", "place")
 """Of a calibration, in their order."""
+
+DRIFT = np.array([*3 * [np.deg2rad(0.03)], *3 * [0.2], 5e-4, *2 * [0.3], 1e-3])
+"""Standard deviations of what comes on top of a calibration's own errors until the print is seen, of the freedoms that
+`frametwin.cameras.Camera` has: warmth, a touched table, a creeping focus. These are the errors of a good calibration
+that is repeated."""
 
 POSE_KEYS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
 """A small turn about the camera's own axes (OpenCV's) in radians, and the place of its centre in the world in mm."""
@@ -79,19 +85,17 @@ class RigCamera:
         return self.camera_to_world[:3, 3]
 
     @property
-    def deviations(self) -> Floats | None:
-        """Of the camera as `frametwin.cameras.Camera` has them; None where pose or covariance is not known.
-
-        Each is that of its own freedom whatever the others are, so that what is known of several together is lost.
-        """
+    def freedoms_covariance(self) -> Floats | None:
+        """(10, 10) as `frametwin.cameras.Camera` has it, with `DRIFT`; None where pose or covariance is not known."""
         if self.camera_to_world is None or self.covariance is None:
             return None
         first = len(self.keys) - len(POSE_KEYS)
         rows = np.zeros((10, len(self.keys)))
-        rows[range(6), range(first, first + 6)] = 1.0
+        rows[range(3), range(first, first + 3)] = -1.0  # there the picture's content turns, here the camera
+        rows[range(3, 6), range(first + 3, first + 6)] = 1.0
         rows[6, :2] = 0.5 / self.lens[:2]
         rows[[7, 8, 9], [2, 3, 4]] = 1.0
-        return np.asarray(np.sqrt(np.maximum(np.einsum("fp,pq,fq->f", rows, self.covariance, rows), 0.0)))
+        return np.asarray(rows @ self.covariance @ rows.T + np.diag(DRIFT**2))
 
     def as_camera(self) -> Camera:
         """The camera for everything else in FrameTwin.
@@ -108,8 +112,8 @@ class RigCamera:
             remedy = "run frametwin calibrate extrinsics first"
             raise InputError.at(f"camera {self.name}", "transform_matrix", "the pose is not known", remedy)
         fl_x, fl_y, cx, cy = self.lens[:4].tolist()
-        pose, lens, known = self.camera_to_world, self.lens[4:9], self.deviations
-        return Camera(self.name, self.width, self.height, fl_x, fl_y, cx, cy, pose, lens, deviations=known)
+        pose, lens, known = self.camera_to_world, self.lens[4:9], self.freedoms_covariance
+        return Camera(self.name, self.width, self.height, fl_x, fl_y, cx, cy, pose, lens, covariance=known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +137,8 @@ class Rig:
     left_out
         Pictures (or single corners of them) that were not used, each with ``step``, ``camera``, ``picture`` and
         ``reason``.
+    plate
+        Markers in the robot's world that all pictures show; None where there are none.
     """
 
     cameras: tuple[RigCamera, ...]
@@ -142,6 +148,7 @@ class Rig:
     date: str = ""
     notes: tuple[dict[str, str], ...] = ()
     left_out: tuple[dict[str, str], ...] = ()
+    plate: Plate | None = None
 
     def camera(self, name: str) -> RigCamera:
         """The camera of a name, which has to be there."""
@@ -168,7 +175,8 @@ class Rig:
         motion : (4, 4) array, mm
             From the present world to the new one; taken to be exact.
         """
-        return replace(self, cameras=tuple(_moved(camera, motion) for camera in self.cameras))
+        plate = None if self.plate is None else self.plate.moved(motion)
+        return replace(self, cameras=tuple(_moved(camera, motion) for camera in self.cameras), plate=plate)
 
 
 def noted(step: str, texts: Iterable[str]) -> tuple[dict[str, str], ...]:
@@ -202,6 +210,7 @@ def rig_data(rig: Rig) -> dict[str, Any]:
         "world": rig.world,
         "board": rig.board,
         "object": rig.placed_by or None,
+        **({} if rig.plate is None else {"plate": rig.plate.as_dict()}),
         "notes": list(rig.notes),
         "left_out": list(rig.left_out),
         "cameras": [_written(camera) for camera in rig.cameras],
@@ -262,6 +271,7 @@ def parse_rig(data: dict[str, Any], path: Path) -> Rig:
         world=world,
         board=_text(data, "board", path),
         placed_by=_object(data.get("object"), path, "object"),
+        plate=parse_plate(data.get("plate"), path),
         date=_text(data, "date", path),
         notes=tuple(_list(data, "notes", path)),
         left_out=tuple(_list(data, "left_out", path)),

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 
 from frametwin.cameras import Camera, transforms_of
+from frametwin.cameras.plate import FILE_NAME as PLATE_FILE
+from frametwin.cameras.plate import Plate, parse_plate_file
 from frametwin.cameras.rig_file import FILE_NAME as RIG_FILE
 from frametwin.cameras.rig_file import Rig, parse_rig
 from frametwin.capture.capture_checks import check_pictures, check_truth, check_views
@@ -49,6 +51,8 @@ class Capture:
         At least two views, in the order of the file of the cameras.
     truth
         The real geometry, with the struts of the plan, where it is known.
+    plate
+        Markers that lie still in the pictures: of ``plate.json``, or as the rig has them; None where there are none.
     documents
         What the files of the cameras held, and ``frame.json`` where the plan comes from it, by name.
     """
@@ -57,6 +61,7 @@ class Capture:
     frame: Wireframe
     views: tuple[View, ...]
     truth: Wireframe | None
+    plate: Plate | None = None
     documents: Mapping[str, bytes] = field(default_factory=dict, repr=False)
 
     @property
@@ -107,24 +112,30 @@ def read_capture(folder: PathLike, frame: Wireframe | None = None) -> Capture:
         raise InputError.at(frame_file, "printed", "no strut is printed", "mark the struts that have been printed")
     views, cameras_file, read = read_views(root)
     documents |= read
-    rig = path_inside(root, RIG_FILE, root / RIG_FILE, "file")
-    if rig.exists():
-        documents[RIG_FILE] = read_bytes(rig)
-        views = _as_well_known(views, parse_rig(parse_json(decode_text(documents[RIG_FILE], rig), rig), rig))
+    plate = None
+    rig_file = path_inside(root, RIG_FILE, root / RIG_FILE, "file")
+    if rig_file.exists():
+        documents[RIG_FILE] = read_bytes(rig_file)
+        rig = parse_rig(parse_json(decode_text(documents[RIG_FILE], rig_file), rig_file), rig_file)
+        views, plate = _as_well_known(views, rig), rig.plate
+    plate_file = path_inside(root, PLATE_FILE, root / PLATE_FILE, "file")
+    if plate_file.exists():
+        documents[PLATE_FILE] = read_bytes(plate_file)
+        plate = parse_plate_file(parse_json(decode_text(documents[PLATE_FILE], plate_file), plate_file), plate_file)
     check_views(frame, [view.camera for view in views], cameras_file)
     truth = None
     truth_file = path_inside(root, "truth.json", root / "truth.json", "file")
     if truth_file.exists():
         truth = frame_json.read(truth_file)
         check_truth(truth, frame, truth_file)
-    return Capture(root=root, frame=frame, views=tuple(views), truth=truth, documents=documents)
+    return Capture(root=root, frame=frame, views=tuple(views), truth=truth, plate=plate, documents=documents)
 
 
 def _as_well_known(views: Sequence[View], rig: Rig) -> list[View]:
     """The views with how well the rig knows their cameras, by name."""
-    known = {camera.name: camera.deviations for camera in rig.cameras}
+    known = {camera.name: camera.freedoms_covariance for camera in rig.cameras}
     return [
-        replace(view, camera=replace(view.camera, deviations=known.get(view.camera.name, view.camera.deviations)))
+        replace(view, camera=replace(view.camera, covariance=known.get(view.camera.name, view.camera.covariance)))
         for view in views
     ]
 

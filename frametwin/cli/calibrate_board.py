@@ -9,13 +9,17 @@ import click
 from frametwin.cli.common import FOLDER, Positive, json_option, print_facts, print_json
 from frametwin.errors import InputError
 
-KINDS = ("checkerboard", "charuco", "aprilgrid", "cuboid")
-USUAL_SIZE = {"checkerboard": "9x6", "charuco": "7x5", "aprilgrid": "6x4"}
-USUAL_SQUARE = {"checkerboard": 25.0, "charuco": 35.0, "aprilgrid": 40.0}
+KINDS = ("checkerboard", "charuco", "aprilgrid", "cuboid", "plate")
+USUAL_SIZE = {"checkerboard": "9x6", "charuco": "7x5", "aprilgrid": "6x4", "plate": "10x7"}
+USUAL_SQUARE = {"checkerboard": 25.0, "charuco": 35.0, "aprilgrid": 40.0, "plate": 40.0}
 
 
 @click.command("board", short_help="Write a board to print, as PDF.")
-@click.option("--kind", type=click.Choice(KINDS), help="What to print; cuboid is a net to fold around a block.")
+@click.option(
+    "--kind",
+    type=click.Choice(KINDS),
+    help="What to print; cuboid is a net to fold around a block, plate a border of tags to print on.",
+)
 @click.option("--size", metavar="COLUMNSxROWS", help="As in --board; of a cuboid its edges in mm.")
 @click.option("--square", type=Positive(), help="Edge of a square in mm.")
 @click.option("--marker", type=Positive(), help="Edge of a marker in mm.  [default: three quarters of the square]")
@@ -44,6 +48,7 @@ def board_command(
       frametwin calibrate board --kind charuco --out board.pdf
       frametwin calibrate board --kind checkerboard --size 9x6 --square 25 --out board.pdf
       frametwin calibrate board --kind cuboid --out block.pdf
+      frametwin calibrate board --kind plate --size 10x7 --square 40 --out plate.pdf
     """
     text = board or _written(kind, size, square, marker, dictionary)
     if board and any(value is not None for value in (kind, size, square, marker, dictionary)):

@@ -81,10 +81,11 @@ MASKS = ("auto", "paper")
 )
 @click.option(
     "--anchor",
-    type=click.Choice(HOLDS),
+    type=click.Choice((*HOLDS, "plate")),
     default="auto",
     show_default=True,
-    help="What holds the world when cameras move: the feet on the plate, the cameras, or whichever is more probable.",
+    help="What holds the world when cameras move: the feet on the plate, the cameras, whichever is more probable, or"
+    " the markers on the plate, which always tell of the cameras where the capture has them.",
 )
 @click.option("--strict", is_flag=True, help="Exit with 3 if the verdict on the twin is wrong.")
 @click.option(
@@ -154,6 +155,9 @@ def _fit(options: FitOptions) -> None:
     changes |= camera_changes(options)
     settings_of(preset, seed, changes)  # refuses what is wrong before the capture is read
     capture = read_capture(options.capture)
+    if options.anchor == "plate" and capture.plate is None:
+        remedy = "make it with a rig that was placed by a plate, or write plate.json; see docs/cameras.md"
+        raise InputError.at(options.capture, "plate", "the capture tells of no markers on the plate", remedy)
     with Display(options.quiet) as display:
         result = fit_capture(
             capture,
@@ -183,9 +187,8 @@ def camera_changes(options: FitOptions) -> dict[str, Any]:
     InputError
         If another preset is asked for what only the fast one does.
     """
-    wanted = {
-        name: value for name, value in (("cameras", options.cameras), ("hold", options.anchor)) if value != "auto"
-    }
+    hold = "cameras" if options.anchor == "plate" else options.anchor  # the markers are in what is known of them
+    wanted = {name: value for name, value in (("cameras", options.cameras), ("hold", hold)) if value != "auto"}
     if wanted and options.preset != "fast":
         problem = f"the preset {options.preset} takes the cameras as they are"
         raise InputError.at("--cameras", "preset", problem, "use the preset fast, or leave --cameras and --anchor out")

@@ -19,9 +19,18 @@ from frametwin.fields.base import DeformationField
 from frametwin.fields.store import load_field, save_field
 from frametwin.files import PathLike, staged_directory
 from frametwin.fitting.camera_corrections import as_records
+from frametwin.fitting.fast_settings import FastSettings
 from frametwin.fitting.judgement import judged_on_photographs, verdict
 from frametwin.fitting.part_fit import PartFit
-from frametwin.fitting.photo_fit import ROUNDS, fit_by_turns, shows_photographs, typical_correction
+from frametwin.fitting.photo_fit import (
+    OUTLINE_OF_MASKS,
+    ROUNDS,
+    fit_by_turns,
+    outline_error,
+    shows_photographs,
+    typical_correction,
+)
+from frametwin.fitting.plate_cameras import through_plate
 from frametwin.fitting.presets import PRESETS, fitter_of, settings_of
 from frametwin.formats import write_frame
 from frametwin.geometry.wireframe import Wireframe
@@ -35,10 +44,6 @@ from frametwin.twin.twin import Twin
 __all__ = ["PRESETS", "FitResult", "fit_capture", "fit_views", "read_field", "settings_of", "write_run"]
 
 FIELD_FILE = "field.safetensors"
-
-OUTLINE_OF_MASKS = 0.2
-"""Pixels by which a mask of a photograph may have a strut elsewhere than it is. With it between 0.83 and 0.97 of the
-struts of rendered photographs lay within two standard deviations; without it 0.66 to 0.92."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +96,21 @@ def fit_capture(
         If the callback stops the fit.
     """
     began = perf_counter()
+    settings = settings_of(preset, seed, changes)
+    placed = None
+    if isinstance(settings, FastSettings) and settings.cameras != "exact":  # the others take cameras as they are given
+        placed = through_plate(capture, settings.rig_errors, callback)
+        capture = placed.capture
     masks = read_view_masks(capture, mask, ignore=ignore, progress=callback)
     read = perf_counter() - began
+    asked = dict(changes or {})
+    if isinstance(settings, FastSettings):
+        asked = {"outline_error": outline_error(masks), **asked}
 
     def fit(
         cameras: list[Camera], pictures: list[np.ndarray], start: DeformationField | None, exact: bool
     ) -> FitResult:
-        wanted = {**(changes or {}), "cameras": "exact"} if exact else changes
+        wanted = {**asked, "cameras": "exact"} if exact else asked
         result = fit_views(
             capture.frame, cameras, pictures, preset, seed=seed, changes=wanted, start=start, callback=callback
         )
@@ -113,6 +126,8 @@ def fit_capture(
         loose = float(np.median((twin.sigma_across / capture.frame.radius)[part])) if part.any() else 0.0
         judged = judged_on_photographs(twin.verdict, loose, looked.moved, typical_correction(twin))
         twin = _with_doubt_of_masks(twin.replace(verdict=judged), capture)
+    if placed is not None:
+        twin = placed.told(twin)
     timing = {"read": read, **twin.timing, "total": perf_counter() - began}
     provenance = {**twin.provenance, "inputs": capture.hashes}
     return replace(result, twin=twin.replace(timing=timing, provenance=provenance))

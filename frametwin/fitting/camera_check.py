@@ -75,10 +75,8 @@ def check_cameras(
         If a view is of no camera of the rig, or the capture has the cameras elsewhere to each other than the rig.
     """
     known = _by_name(rig, capture)
-    deviations = {name: camera.deviations for name, camera in known.items()}
-    views = tuple(
-        replace(view, camera=replace(view.camera, deviations=deviations[view.camera.name])) for view in capture.views
-    )
+    cameras = [replace(view.camera, covariance=known[view.camera.name].covariance) for view in capture.views]
+    views = tuple(replace(view, camera=camera) for view, camera in zip(capture.views, cameras, strict=True))
     twin = fit_capture(replace(capture, views=views), callback=callback).twin
     return tuple(_told(view.camera.name, twin) for view in views), twin
 

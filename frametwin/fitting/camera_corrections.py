@@ -10,7 +10,7 @@ import numpy as np
 from frametwin.arrays import checked_array
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
-from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, FREEDOMS, LENS, SHIFT, TURN, corrected
+from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, FREEDOMS, LENS, SHIFT, TURN, corrected, turns
 from frametwin.fitting.part_fit import ViewsFit
 
 
@@ -19,18 +19,33 @@ def as_records(found: ViewsFit, cameras: Sequence[Camera]) -> list[dict[str, Any
     if found.holds == "rig":
         return []
     return [
-        {
-            "name": camera.name,
-            "turn_deg": np.rad2deg(own[TURN]).tolist(),
-            "shift_mm": own[SHIFT].tolist(),
-            "focal_share": float(np.expm1(own[FOCAL])),
-            "centre_px": own[CENTRE].tolist(),
-            "k1": float(own[LENS]),
-            "sigmas": float(sigmas),
-            "held_by": found.holds,
-        }
+        as_record(camera.name, own, float(sigmas), found.holds)
         for camera, own, sigmas in zip(cameras, found.cameras, found.sigmas, strict=True)
     ]
+
+
+def as_record(name: str, freedoms: np.ndarray, sigmas: float, held_by: str) -> dict[str, Any]:
+    """The correction of one camera, (10,) freedoms, as a twin's file has it."""
+    return {
+        "name": name,
+        "turn_deg": np.rad2deg(freedoms[TURN]).tolist(),
+        "shift_mm": freedoms[SHIFT].tolist(),
+        "focal_share": float(np.expm1(freedoms[FOCAL])),
+        "centre_px": freedoms[CENTRE].tolist(),
+        "k1": float(freedoms[LENS]),
+        "sigmas": sigmas,
+        "held_by": held_by,
+    }
+
+
+def corrections_between(before: Camera, after: Camera) -> np.ndarray:
+    """(10,) freedoms that make one camera another one of the same lens; `corrected` undone."""
+    result = np.zeros(FREEDOMS)
+    result[TURN] = turns((before.camera_to_world[:3, :3].T @ after.camera_to_world[:3, :3]).T)
+    result[SHIFT] = after.centre - before.centre
+    result[FOCAL] = np.log(after.fl_x / before.fl_x)
+    result[CENTRE] = after.cx - before.cx, after.cy - before.cy
+    return result
 
 
 def as_found(

@@ -29,6 +29,15 @@ FREEDOMS = 10
 NOISE = 0.15
 """Standard deviation of a pixel on an edge, which also stands for what the model leaves out."""
 
+ALIKE = 50.0
+"""Pixels along a strut's outline that share its error where light and shading have drawn it: so many of them tell no
+more than one."""
+
+
+def pixel_noise(outline_error: float) -> float:
+    """Standard deviation of a pixel on an edge, of outlines that are wrong by ``outline_error`` pixels alike."""
+    return float(np.hypot(NOISE, outline_error * np.sqrt(ALIKE)))
+
 
 @dataclass(frozen=True)
 class RigErrors:
@@ -57,17 +66,22 @@ class RigErrors:
         return np.array([*3 * [np.deg2rad(self.turn)], *3 * [self.shift], self.focal, *2 * [self.centre], self.lens])
 
 
-DRIFT = RigErrors(turn=0.03, shift=0.2, focal=5e-4, centre=0.3, lens=1e-3)
-"""What comes on top of a calibration's own errors until the print is seen: warmth, a touched table, a creeping focus.
-These are the errors of a good calibration that is repeated."""
+def rig_covariances(cameras: Sequence[Camera], errors: RigErrors) -> np.ndarray:
+    """Covariances (N, 10, 10) of cameras: their own, or where a camera has none, ``errors``."""
+    usual = np.diag(errors.deviations() ** 2)
+    return np.array([usual if camera.covariance is None else camera.covariance for camera in cameras])
 
 
-def rig_deviations(cameras: Sequence[Camera], errors: RigErrors) -> np.ndarray:
-    """Standard deviations (N, 10) of cameras: their own with `DRIFT`, or where a camera has none, ``errors``."""
-    drift = DRIFT.deviations()
-    return np.array(
-        [errors.deviations() if camera.deviations is None else np.hypot(camera.deviations, drift) for camera in cameras]
-    )
+def deviations_of(covariances: np.ndarray) -> np.ndarray:
+    """Standard deviations (N, 10) of each freedom, whatever the others are."""
+    return np.asarray(np.sqrt(np.diagonal(covariances, axis1=-2, axis2=-1)))
+
+
+def whitening(covariances: np.ndarray) -> np.ndarray:
+    """Matrices (N, 10, 10) that make corrections of cameras independent and one standard deviation long."""
+    scale = deviations_of(covariances)
+    even = covariances / (scale[:, :, None] * scale[:, None, :])  # the units differ by many orders of magnitude
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(even)) / scale[:, None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +90,24 @@ class CameraPrior:
 
     Attributes
     ----------
-    weight : (N, 10) weights of the cameras' freedoms in the loss.
+    weight : (N, 10, 10) weights of the cameras' freedoms in the loss.
     """
 
     weight: np.ndarray
 
     @classmethod
-    def of(cls, deviations: np.ndarray) -> CameraPrior:
-        """From standard deviations (N, 10); the loss is the squared residual, so its noise is that of a pixel."""
-        return cls(NOISE**2 / deviations**2)
+    def of(cls, covariances: np.ndarray, noise: float = NOISE) -> CameraPrior:
+        """From covariances (N, 10, 10); the loss is the squared residual, so its noise is that of a pixel."""
+        white = whitening(covariances)
+        return cls(noise**2 * np.matmul(white.transpose(0, 2, 1), white))
+
+    def pull(self, freedoms: np.ndarray) -> np.ndarray:
+        """(N, 10) gradient of its part of the loss at the cameras' freedoms (N, 10)."""
+        return np.asarray(np.matmul(self.weight, freedoms[:, :, None])[:, :, 0])
+
+    def loss(self, freedoms: np.ndarray) -> float:
+        """Its part of the loss."""
+        return 0.5 * float((freedoms * self.pull(freedoms)).sum())
 
 
 def rotations(vectors: np.ndarray) -> np.ndarray:

@@ -46,7 +46,7 @@ def smooth_descent(
         terms = rods.gauss_newton_by_view(drawn, seen)
         loss = float(terms.losses.sum())
         shift = at.joints.ravel()
-        extra = 0.5 * shift @ (stiffness @ shift) + 0.5 * float((prior.weight * cameras**2).sum())
+        extra = 0.5 * shift @ (stiffness @ shift) + prior.loss(cameras)
         return terms, camera_terms(drawn, terms, seen.cameras, scales), loss, extra
 
     stiffness = stage.pull * elastic.assemble(elastic.stiffness)
@@ -63,7 +63,7 @@ def smooth_descent(
         slope = np.concatenate(
             [
                 motions.T @ (gradient + stiffness @ pose.joints.ravel()),
-                (cams.gradient + prior.weight * freedoms).ravel(),
+                (cams.gradient + prior.pull(freedoms)).ravel(),
             ]
         )
         diagonal = np.diag(full).copy()
@@ -95,7 +95,7 @@ def _camera_matrix(cams: CameraTerms, prior: CameraPrior) -> np.ndarray:
     views = len(cams.matrix)
     result = np.zeros((views, FREEDOMS, views, FREEDOMS))
     every = np.arange(views)
-    result[every, :, every] = cams.matrix + prior.weight[:, :, None] * np.eye(FREEDOMS)
+    result[every, :, every] = cams.matrix + prior.weight
     return result.reshape(views * FREEDOMS, views * FREEDOMS)
 
 
@@ -155,7 +155,7 @@ def reduced_system(
     slope -= np.matmul(mixed, by_slope)
     coupled -= np.matmul(mixed, by_cameras)
     own = _camera_matrix(cams, prior) - np.tensordot(inner_coupled, by_cameras, axes=([0, 1], [0, 1]))
-    own_slope = (cams.gradient + prior.weight * freedoms).ravel()
+    own_slope = (cams.gradient + prior.pull(freedoms)).ravel()
     own_slope = own_slope - np.tensordot(inner_coupled, by_slope[:, :, 0], axes=([0, 1], [0, 1]))
     held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
     matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))

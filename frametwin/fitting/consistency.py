@@ -87,7 +87,7 @@ def consistent_fit(problem: Problem, field: DeformationField | None) -> Consiste
     if state.cameras is not None:
         state, holds = _held(part, state)
     whole = state if state.cameras is None else replace(state, cameras=_spread(state.cameras, used, problem))
-    every = replace(part, levels=problem.levels, deviations=problem.deviations)
+    every = replace(part, levels=problem.levels, covariances=problem.covariances)
     misfit = _misfit(every, whole, problem.settings.finish[0])
     mask = np.zeros(problem.levels.view_count, dtype=bool)
     mask[used] = True
@@ -160,16 +160,15 @@ def _freed(problem: Problem, state: State, stage: Stage) -> State:
 
 def _held(problem: Problem, state: State) -> tuple[State, str]:
     """The world as it is most probably held, and by what."""
-    wanted, deviations = problem.settings.hold, problem.deviations
+    wanted, covariances = problem.settings.hold, problem.covariances
     if wanted != "auto":
         return held_by(problem, state, wanted), wanted
     on_feet, on_cameras = held_by(problem, state, "feet"), held_by(problem, state, "cameras")
     if not problem.frame.grounded.any():
         return on_cameras, "cameras"
-    alone = gauge.rig_misfit(on_cameras.freedoms, deviations)
-    together = gauge.rig_misfit(on_feet.freedoms, deviations) - alone
-    freedoms = 6 * len(on_feet.freedoms)
-    chance = max(alone / (freedoms - 6), BY_CHANCE)
+    alone = gauge.rig_misfit(on_cameras.freedoms, covariances)
+    together = gauge.rig_misfit(on_feet.freedoms, covariances) - alone
+    chance = max(alone / (on_feet.freedoms.size - 6), BY_CHANCE)
     return (on_cameras, "cameras") if together / 6.0 > TOGETHER * chance else (on_feet, "feet")
 
 

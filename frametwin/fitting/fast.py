@@ -94,7 +94,9 @@ def _uncertainty(found: Consistent, rods: Rods) -> Uncertainty:
         rods.radius[:, 0],
         float(np.median(found.misfit.total[found.used])),
         presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage)),
-        gauge.world_deviation(problem.elastic, problem.deviations, found.holds),
+        gauge.world_deviation(
+            problem.elastic, problem.level(stage).cameras, problem.covariances, found.holds, problem.foot_deviation
+        ),
     )
 
 

@@ -114,6 +114,8 @@ class FastSettings(Changeable):
     hold : one of `HOLDS`: what holds the world when cameras move. ``feet`` on the plate, the ``cameras``, or ``auto``:
         the feet, unless all cameras would have to have moved together for it.
     rig_errors : standard deviations of cameras whose calibration does not say how well they are known.
+    outline_error : pixels by which the outlines in the pictures may be wrong all along a strut, as light and shading
+        leave them in photographs.
 
     Raises
     ------
@@ -155,6 +157,7 @@ class FastSettings(Changeable):
     leave_out_views: bool = True
     hold: Annotated[str, one_of(HOLDS)] = "auto"
     rig_errors: RigErrors = RigErrors()
+    outline_error: Annotated[float, within(0.0, 10.0)] = 0.0
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from frametwin.fitting import camera_steps, presence
-from frametwin.fitting.camera_freedoms import NOISE
 from frametwin.fitting.fast_settings import CoarseStage, Stage
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of, stepped, terms_of, view_terms_of
 from frametwin.fitting.held import held_by
@@ -141,7 +140,7 @@ def camera_gain(problem: Problem, state: State, stage: Stage) -> float:
     asked = state if state.cameras is not None else replace(state, cameras=problem.exact_cameras())
     terms, system = camera_system(problem, asked, stage)
     gain = camera_steps.gain_of_cameras(system)
-    by_chance = 0.5 * NOISE**2 * len(system.slope)
+    by_chance = 0.5 * problem.noise**2 * len(system.slope)
     return gain / max(terms.loss, 1e-12) if gain > SIGNIFICANT * by_chance else 0.0
 
 

@@ -14,11 +14,14 @@ from frametwin.fitting.camera_freedoms import (
     CameraPrior,
     CameraTerms,
     camera_terms,
-    rig_deviations,
+    deviations_of,
+    pixel_noise,
+    rig_covariances,
     with_cameras,
 )
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
+from frametwin.fitting.gauge import foot_deviation
 from frametwin.fitting.levels import Levels
 from frametwin.fitting.motion import Pose, as_rods, start_pose
 from frametwin.geometry.wireframe import Wireframe
@@ -43,8 +46,8 @@ class Problem:
     levels : Levels
         Its pictures.
     settings : FastSettings
-    deviations : (N, 10) array
-        How well each camera is known; see `frametwin.fitting.camera_freedoms.rig_deviations`.
+    covariances : (N, 10, 10) array
+        How well each camera is known; see `frametwin.fitting.camera_freedoms.rig_covariances`.
     callback : ProgressCallback or None
         Told of every step.
     """
@@ -53,7 +56,7 @@ class Problem:
     elastic: ElasticFrame
     levels: Levels
     settings: FastSettings
-    deviations: np.ndarray
+    covariances: np.ndarray
     callback: ProgressCallback | None
 
     @classmethod
@@ -67,7 +70,8 @@ class Problem:
     ) -> Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
         levels = Levels(frame, Pyramid(cameras, masks))
-        return cls(frame, ElasticFrame(frame), levels, settings, rig_deviations(cameras, settings.rig_errors), callback)
+        known = rig_covariances(cameras, settings.rig_errors)
+        return cls(frame, ElasticFrame(frame), levels, settings, known, callback)
 
     @property
     def steps(self) -> int:
@@ -87,7 +91,27 @@ class Problem:
     @property
     def prior(self) -> CameraPrior:
         """What is known of the cameras before any picture is looked at."""
-        return CameraPrior.of(self.deviations)
+        return CameraPrior.of(self.covariances, self.noise)
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """(N, 10) standard deviations of each camera's freedoms."""
+        return deviations_of(self.covariances)
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a pixel on an edge."""
+        return pixel_noise(self.settings.outline_error)
+
+    @property
+    def outline_error(self) -> float:
+        """The same of an outline as a whole, in mm at the frame."""
+        return self.settings.outline_error / self.levels.density
+
+    @property
+    def foot_deviation(self) -> float:
+        """mm, of a foot on the plate, as `frametwin.fitting.gauge.held_world` takes it."""
+        return foot_deviation(self.elastic.frame, self.outline_error)
 
     def exact_cameras(self) -> np.ndarray:
         """(N, 10) freedoms of cameras that are where the rig has them."""
@@ -95,7 +119,7 @@ class Problem:
 
     def of_views(self, chosen: np.ndarray) -> Problem:
         """The same with some of the views alone."""
-        return replace(self, levels=self.levels.of_views(chosen), deviations=self.deviations[chosen])
+        return replace(self, levels=self.levels.of_views(chosen), covariances=self.covariances[chosen])
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,19 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frametwin.fitting.camera_freedoms import SHIFT, TURN, rotations, turns
+from frametwin.fitting.camera_freedoms import FREEDOMS, SHIFT, TURN, rotations, turns, whitening
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.motion import Pose
 from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 
 FEET = 0.05
 """mm: standard deviation of a foot on the plate, as it was planned and as it is seen."""
 
 LENGTH = 1e-3
 """Standard deviation of the common factor of all struts' lengths."""
-
-POSE = slice(0, 6)
-"""A camera's turns and shifts among its freedoms."""
 
 ROUNDS = 8
 
@@ -45,6 +43,14 @@ class Similarity:
 
 
 IDENTITY = Similarity(1.0, np.eye(3), np.zeros(3))
+
+
+def foot_deviation(frame: Wireframe, outline_error: float) -> float:
+    """mm: standard deviation of a foot where outlines are wrong by ``outline_error`` mm, at all feet alike.
+
+    What all share does not become less by their number, so each is worth the less the more there are.
+    """
+    return float(np.hypot(FEET, outline_error * np.sqrt(frame.grounded.sum())))
 
 
 def moved_rig(packed: np.ndarray, freedoms: np.ndarray, motion: Similarity) -> np.ndarray:
@@ -74,20 +80,20 @@ def held_world(
     pose: Pose,
     packed: np.ndarray,
     freedoms: np.ndarray,
-    deviations: np.ndarray,
+    covariances: np.ndarray,
     feet: float | None = FEET,
 ) -> Similarity:
     """The similarity that brings print and cameras to where feet, cameras and lengths most probably are.
 
     Gauss-Newton over the seven freedoms of a similarity; feet with Huber's weights, so that one that is hidden or came
-    off the plate does not carry the others along. ``feet`` ``None`` leaves them out; ``deviations`` (N, 10) are the
-    cameras' own.
+    off the plate does not carry the others along. ``feet`` ``None`` leaves them out; ``covariances`` (N, 10, 10) are
+    the cameras' own.
     """
     total = IDENTITY
     frame = elastic.frame
     where = frame.vertices[frame.grounded] + pose.joints[frame.grounded, :3]
     planned = frame.vertices[frame.grounded]
-    ratio = _length_ratio(elastic, pose)
+    ratio, white = _length_ratio(elastic, pose), whitening(covariances)
     for _ in range(ROUNDS):
         rows, values = [], []
         if feet is not None and len(planned):
@@ -97,8 +103,8 @@ def held_world(
             rows.append((_by_similarity(now) * weight[:, None, None]).reshape(-1, 7))
             values.append(((now - planned) * weight[:, None]).ravel())
         own = moved_rig(packed, freedoms, total)
-        rows.append(_by_camera(packed, own, deviations))
-        values.append((own[:, POSE] / deviations[:, POSE]).ravel())
+        rows.append(_by_camera(packed, own, white))
+        values.append(np.matmul(white, own[:, :, None]).ravel())
         rows.append(np.array([[0.0] * 6 + [1.0 / LENGTH]]))
         values.append(np.array([(np.log(total.scale) + np.log(ratio)) / LENGTH]))
         step = -np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=None)[0]
@@ -129,33 +135,44 @@ def _by_similarity(points: np.ndarray) -> np.ndarray:
     return result
 
 
-def _by_camera(packed: np.ndarray, freedoms: np.ndarray, deviations: np.ndarray) -> np.ndarray:
-    """(6N, 7) cameras' turns and shifts, each over its standard deviation, by the similarity."""
+def _by_camera(packed: np.ndarray, freedoms: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """(10N, 7) cameras' freedoms, made independent by ``white`` (N, 10, 10), by the similarity."""
     own = packed[:, :9].reshape(-1, 3, 3)
     centres = -np.einsum("vca,vc->va", own, packed[:, 9:12]) + freedoms[:, SHIFT]
-    result = np.zeros((len(packed), 6, 7))
-    result[:, :3, 3:6] = -own
-    result[:, 3:] = _by_similarity(centres)
-    return (result / deviations[:, POSE, None]).reshape(-1, 7)
+    result = np.zeros((len(packed), FREEDOMS, 7))
+    result[:, TURN, 3:6] = -own
+    result[:, SHIFT] = _by_similarity(centres)
+    return np.asarray(np.matmul(white, result)).reshape(-1, 7)
 
 
-def rig_misfit(freedoms: np.ndarray, deviations: np.ndarray) -> float:
-    """Squared corrections of all cameras' poses over their variances: about 6 a camera if the rig errs as stated."""
-    return float(np.square(freedoms[:, POSE] / deviations[:, POSE]).sum())
+def rig_misfit(freedoms: np.ndarray, covariances: np.ndarray) -> float:
+    """Squared corrections of all cameras over their variances: about 10 a camera if the rig errs as stated."""
+    return float(np.square(np.matmul(whitening(covariances), freedoms[:, :, None])).sum())
 
 
-def world_deviation(elastic: ElasticFrame, deviations: np.ndarray, holds: str) -> np.ndarray:
+def world_deviation(
+    elastic: ElasticFrame, packed: np.ndarray, covariances: np.ndarray, holds: str, foot: float = FEET
+) -> np.ndarray:
     """(E,) mm: standard deviation of where the world is held, at the middle of each strut.
 
-    An exact rig holds it exactly; feet hold it by their own deviation and that of the common length; cameras, each by
-    itself, by a share of their shifts. ``deviations`` (N, 10) are those of the cameras that were used.
+    An exact rig holds it exactly. Else it is that of the similarity which `held_world` finds, in the direction in which
+    it is largest.
+
+    Parameters
+    ----------
+    elastic : the frame.
+    packed, covariances : (N, 17) and (N, 10, 10) the rig's cameras that were used, and how well each is known.
+    holds : ``rig``, ``feet`` or ``cameras``.
+    foot : mm, standard deviation of a foot.
     """
     frame = elastic.frame
     if holds == "rig":
         return np.zeros(frame.strut_count)
-    middle = frame.vertices[frame.edges].mean(axis=1)
-    standing = frame.vertices[frame.grounded] if frame.grounded.any() else frame.vertices
-    reach = np.linalg.norm(middle - standing.mean(axis=0), axis=1)
-    shift = float(np.sqrt(np.square(deviations[:, SHIFT]).mean()))
-    at = FEET / np.sqrt(len(standing)) if holds == "feet" else shift / np.sqrt(len(deviations))
-    return np.hypot(at, LENGTH * reach)
+    rows = [_by_camera(packed, np.zeros((len(packed), FREEDOMS)), whitening(covariances))]
+    rows.append(np.array([[*6 * [0.0], 1.0 / LENGTH]]))
+    if holds == "feet":
+        rows.append(_by_similarity(frame.vertices[frame.grounded]).reshape(-1, 7) / foot)
+    known = np.concatenate(rows)
+    moved = _by_similarity(frame.vertices[frame.edges].mean(axis=1))
+    spread = np.matmul(np.matmul(moved, np.linalg.inv(known.T @ known)), moved.transpose(0, 2, 1))
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(spread)[:, -1]))

@@ -115,7 +115,7 @@ def judged_on_photographs(judged: Verdict, loose: float, moved: float, corrected
         return judged
     doubts = []
     if loose > LOOSE_ON_PHOTOGRAPHS:
-        doubts.append(f"the masks leave the typical strut uncertain by {loose:.0%} of its radius")
+        doubts.append(f"the masks leave the typical strut uncertain by {loose:.0%} of its radius{_cure(corrected)}")
     if moved > UNSETTLED:
         doubts.append(f"the last look at the photographs still moved the typical strut by {moved:.0%} of its radius")
     if corrected > FAR_ON_PHOTOGRAPHS:
@@ -124,6 +124,11 @@ def judged_on_photographs(judged: Verdict, loose: float, moved: float, corrected
         return judged
     doubts[-1] += ": look at the masks with frametwin mask"
     return Verdict(DOUBTFUL, (*doubts, *judged.reasons))
+
+
+def _cure(corrected: float) -> str:
+    """What would hold the world better, where cameras had to move."""
+    return "; a rig.json that says how well each camera is known would leave less" if corrected > 0.0 else ""
 
 
 def moved_cameras(views: ViewsFit, cameras: Sequence[Camera]) -> list[str]:

@@ -34,6 +34,11 @@ class Levels:
         return np.array([camera.width for camera in self._pyramid.cameras], dtype=np.float64)
 
     @property
+    def density(self) -> float:
+        """How many pixels of the full pictures a millimetre of the frame covers."""
+        return self._density
+
+    @property
     def view_count(self) -> int:
         """Number of views."""
         return len(self._pyramid.cameras)

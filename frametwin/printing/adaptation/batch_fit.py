@@ -89,6 +89,7 @@ def fit_batch(
     *,
     warm: bool = True,
     freedom: str = "exact",
+    outline_error: float = 0.0,
     progress: ProgressCallback | None = None,
 ) -> BatchFit:
     """Find the twin of a batch.
@@ -107,13 +108,16 @@ def fit_batch(
     freedom
         ``auto`` lets cameras move within the errors of their rig where the pictures ask for it, ``exact`` does not; as
         the setting ``cameras`` of the preset ``fast``.
+    outline_error
+        Pixels by which the outlines in the masks may be wrong; that preset's setting of the name.
 
     Raises
     ------
     Cancelled
         If ``progress`` returns ``False``.
     """
-    afresh = {**EVERY_VIEW, "cameras": freedom}
+    seeing = {"cameras": freedom, "outline_error": outline_error}
+    afresh = {**EVERY_VIEW, **seeing}
     began = perf_counter()
     cameras, masks = cropped(expected, cameras, masks)
     # The matrices are small: threads of the linear algebra would wait for those of the splatter, and these for them.
@@ -122,7 +126,7 @@ def fit_batch(
             result = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
             return BatchFit(result, "cold", perf_counter() - began)
         still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
-        changes = {**WARM, "cameras": freedom}
+        changes = {**WARM, **seeing}
         result, start = fit_views(expected, cameras, masks, changes=changes, start=still, callback=progress), "warm"
         given = Pictures(expected, cameras, masks)
 

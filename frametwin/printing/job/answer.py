@@ -16,7 +16,9 @@ from frametwin.errors import Doubt, InputError
 from frametwin.fields.base import DeformationField
 from frametwin.files import PathLike, write_json
 from frametwin.fitting.api import FitResult, write_run
-from frametwin.fitting.photo_fit import fit_by_turns
+from frametwin.fitting.camera_freedoms import RigErrors
+from frametwin.fitting.photo_fit import fit_by_turns, outline_error
+from frametwin.fitting.plate_cameras import through_plate
 from frametwin.formats import frame_json
 from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
@@ -220,12 +222,25 @@ def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progr
         cameras: list[Camera], pictures: list[np.ndarray], start: DeformationField | None, exact: bool
     ) -> BatchFit:
         chosen = "exact" if exact else freedom
-        return fit_batch(frame, cameras, pictures, warm=options.warm, freedom=chosen, progress=progress)
+        return fit_batch(
+            frame,
+            cameras,
+            pictures,
+            warm=options.warm,
+            freedom=chosen,
+            outline_error=outline_error(seen),
+            progress=progress,
+        )
 
-    seen = read_view_masks(taken.capture, progress=progress)
+    placed = None if freedom == "exact" else through_plate(taken.capture, RigErrors(), progress)
+    capture = taken.capture if placed is None else placed.capture
+    seen = read_view_masks(capture, progress=progress)
     laps.append(perf_counter())
-    looked = fit_by_turns(taken.capture, seen, fitted)
-    fit, used = looked.result, [i for i, mask in enumerate(looked.masks) if mask.used]
+    looked = fit_by_turns(capture, seen, fitted)
+    fit = looked.result
+    if placed is not None:
+        fit = dataclasses.replace(fit, result=dataclasses.replace(fit.result, twin=placed.told(fit.twin)))
+    used = [i for i, mask in enumerate(looked.masks) if mask.used]
     whole = [taken.capture.views[i].camera.without_distortion() for i in used]
     cameras, masks = cropped(frame, whole, [looked.masks[i].coverage for i in used])
     result = _described(fit, taken)
