@@ -21,6 +21,7 @@ from frametwin.blender.display.twins import is_twin
 
 from .frames_offered import FRAME_ITEMS
 from .in_view import can_be_chosen, plan_chosen, twin_chosen
+from .picture_settings import FrameTwinPictures
 from .recolour import recolour_active, recolour_afresh, restyle_active
 
 PRESETS = (
@@ -48,6 +49,9 @@ OVERLAYS = (
         "Orange where there is print and no twin, blue where there is a twin and no print",
     ),
 )
+
+MASKS = ("mask", "Masks", "What is taken for print in the picture")
+"""What Show Masks lays over the views."""
 
 
 class FrameTwinProblem(bpy.types.PropertyGroup):
@@ -187,7 +191,7 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         description="Of the pictures in the cameras",
         update=restyle_active,
     )
-    overlay: EnumProperty(name="Overlay", items=OVERLAYS)  # type: ignore[valid-type]
+    overlay: EnumProperty(name="Overlay", items=(*OVERLAYS, MASKS))  # type: ignore[valid-type]
     front: BoolProperty(  # type: ignore[valid-type]
         name="In Front",
         description="Draw the pictures before the curves rather than behind them",
@@ -346,6 +350,7 @@ class FrameTwinSettings(bpy.types.PropertyGroup):
     deform: PointerProperty(type=FrameTwinDeform)  # type: ignore[valid-type]
     cameras: PointerProperty(type=FrameTwinCameras)  # type: ignore[valid-type]
     render: PointerProperty(type=FrameTwinRender)  # type: ignore[valid-type]
+    pictures: PointerProperty(type=FrameTwinPictures)  # type: ignore[valid-type]
     fit: PointerProperty(type=FrameTwinFit)  # type: ignore[valid-type]
     print: PointerProperty(type=FrameTwinPrint)  # type: ignore[valid-type]
     view: PointerProperty(type=FrameTwinView)  # type: ignore[valid-type]
@@ -357,6 +362,7 @@ CLASSES = (
     FrameTwinDeform,
     FrameTwinCameras,
     FrameTwinRender,
+    FrameTwinPictures,
     FrameTwinFit,
     FrameTwinBeforeJobs,
     FrameTwinPrint,
