@@ -24,6 +24,7 @@ from frametwin.cameras.standing import standing_at
 from frametwin.capture.capture import Capture, read_capture
 from frametwin.formats import write_frame
 from frametwin.raster.silhouette import silhouettes
+from frametwin.twin.verdict import Verdict
 
 ops = bpy.ops.frametwin
 FRAME = tower()
@@ -63,16 +64,29 @@ def lab(extension: str, scene: Any, tmp_path: Path) -> Any:
     return settings
 
 
+class Lines:
+    """A layout that remembers its labels."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def label(self, text: str = "", **words: Any) -> None:
+        self.texts.append(text)
+
+    def column(self, **words: Any) -> Lines:
+        return self
+
+    box = column
+
+
 def content_of(capture: Capture) -> dict[str, Any]:
     """What a capture holds, file by file: pictures as pixels, since their metadata may differ."""
+    files = [path for path in sorted(capture.folder.rglob("*")) if path.is_file()]
     return {
-        str(path.relative_to(capture.folder)): (
-            cv2.imread(str(path), cv2.IMREAD_UNCHANGED).tolist()
-            if path.suffix == ".png"
-            else json.loads(path.read_text())
-        )
-        for path in sorted(capture.folder.rglob("*"))
-        if path.is_file()
+        str(path.relative_to(capture.folder)): cv2.imread(str(path), cv2.IMREAD_UNCHANGED).tolist()
+        if path.suffix == ".png"
+        else json.loads(path.read_text())
+        for path in files
     }
 
 
@@ -187,3 +201,17 @@ def test_too_few_views_are_told(extension: str) -> None:
     assert words.startswith("5 of 8 views can be used, and a fit needs 6; cam_5 not used: shows nothing; cam_6 ")
     whole = cases.addon("masks").words_of({"views": views[:5], "needed": 5})
     assert whole == "All 5 views can be used"
+
+
+def test_the_reasons_of_a_verdict_are_read_in_the_sidebar(lab: Any) -> None:
+    touched = "cam_4 stands 2.1 degrees and 3.4 mm from where the rig has it (17 sigma): calibrate its pose again"
+    seen = (
+        "cam_1 and cam_6 show too few markers of the plate to tell where they are: clear the plate before the picture"
+    )
+    verdict = Verdict.of([touched], [seen, "strut 3 is torn", "a fourth"], ["a fifth"])
+    panel, lines = cases.addon("twin").FRAMETWIN_PT_twin, Lines()
+    panel._draw_verdict(None, lines, bpy.context, verdict)
+    whole = " ".join(line for line in lines.texts if line)
+    assert f"{touched[0].upper()}{touched[1:]}." in whole and f"{seen[0].upper()}{seen[1:]}." in whole
+    assert whole.endswith("2 more in twin.json of the run.")
+    assert max(len(line) for line in lines.texts) * cases.addon("steps").CHARACTER < 260
