@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -65,10 +66,18 @@ def lab(extension: str, scene: Any, tmp_path: Path) -> Any:
 
 
 class Lines:
-    """A layout that remembers its labels."""
+    """A layout that remembers its labels and buttons, and takes only what there is."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
+        self.buttons: dict[str, Any] = {}
+
+    def prop(self, data: Any, name: str, **words: Any) -> None:
+        assert data.bl_rna.properties[name].description
+
+    def operator(self, name: str, **words: Any) -> Any:
+        assert getattr(ops, name.removeprefix("frametwin.")).get_rna_type().description
+        return self.buttons.setdefault(name.removeprefix("frametwin."), SimpleNamespace())
 
     def label(self, text: str = "", **words: Any) -> None:
         self.texts.append(text)
@@ -76,7 +85,7 @@ class Lines:
     def column(self, **words: Any) -> Lines:
         return self
 
-    box = column
+    box = row = column
 
 
 def content_of(capture: Capture) -> dict[str, Any]:
@@ -205,9 +214,7 @@ def test_too_few_views_are_told(extension: str) -> None:
 
 def test_the_reasons_of_a_verdict_are_read_in_the_sidebar(lab: Any) -> None:
     touched = "cam_4 stands 2.1 degrees and 3.4 mm from where the rig has it (17 sigma): calibrate its pose again"
-    seen = (
-        "cam_1 and cam_6 show too few markers of the plate to tell where they are: clear the plate before the picture"
-    )
+    seen = "cam_1 and cam_6 show too few markers of the plate to tell where they are: clear the plate first"
     verdict = Verdict.of([touched], [seen, "strut 3 is torn", "a fourth"], ["a fifth"])
     panel, lines = cases.addon("twin").FRAMETWIN_PT_twin, Lines()
     panel._draw_verdict(None, lines, bpy.context, verdict)
@@ -215,3 +222,22 @@ def test_the_reasons_of_a_verdict_are_read_in_the_sidebar(lab: Any) -> None:
     assert f"{touched[0].upper()}{touched[1:]}." in whole and f"{seen[0].upper()}{seen[1:]}." in whole
     assert whole.endswith("2 more in twin.json of the run.")
     assert max(len(line) for line in lines.texts) * cases.addon("steps").CHARACTER < 260
+
+
+def test_the_panel_leads_from_the_rig_to_the_masks(lab: Any, tmp_path: Path) -> None:
+    panel = cases.addon("photographs").FRAMETWIN_PT_photographs
+
+    def drawn() -> Lines:
+        lines = Lines()
+        owner = SimpleNamespace(layout=lines, _draw_pictures=lambda *given: panel._draw_pictures(None, *given))
+        panel.draw(owner, bpy.context)
+        return lines
+
+    empty = drawn()
+    assert set(empty.buttons) == {"import_rig", "capture_pictures"} and empty.buttons["import_rig"].filepath == ""
+    assert "import the rig" in " ".join(empty.texts)
+    ops.import_rig(filepath=str(tmp_path / "workshop"))
+    lab.pictures.how, lab.fit.capture = "batch", str(tmp_path)
+    full = drawn()
+    assert set(full.buttons) == {"import_rig", "capture_pictures", "show_masks"}
+    assert Path(full.buttons["import_rig"].filepath) == tmp_path / "workshop"  # read again where the plan stands now
