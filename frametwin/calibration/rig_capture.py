@@ -75,12 +75,11 @@ def capture_from_rig(
         names = ", ".join(f"{camera.name}.png" for camera in rig.cameras[:3])
         problem = f"holds pictures of {len(used)} of the rig's {len(rig.cameras)} cameras"
         raise InputError.at(pictures, "folder", problem, f"name them after the cameras: {names} ...")
-    befores = None if background is None else [_picture_before(Path(background), camera.name) for camera in used]
-    views, grounds = [], None if befores is None else []
+    before = [] if background is None else [_picture_before(Path(background), camera.name) for camera in used]
+    views, grounds = [], []
     for i, camera in enumerate(used):
         views.append(_view(camera, files[camera.name]))
-        if befores is not None and grounds is not None:
-            grounds.append(_view(camera, befores[i])[1])
+        grounds += [_view(camera, file)[1] for file in before[i : i + 1]]
         report(progress, Progress("reading pictures", i + 1, len(used)))
     shown = replace(rig, cameras=tuple(camera for camera, _ in views))
     write_capture(
@@ -88,7 +87,7 @@ def capture_from_rig(
         frame,
         [camera.as_camera() for camera in shown.cameras],
         [image for _, image in views],
-        backgrounds=grounds,
+        backgrounds=None if background is None else grounds,
         extra={FILE_NAME: rig_data(shown)},
         overwrite=overwrite,
     )

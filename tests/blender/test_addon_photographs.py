@@ -128,11 +128,11 @@ def test_pictures_become_the_capture_of_the_scene_and_its_twin(lab: Any, tmp_pat
     ops.import_frame(filepath=str(tmp_path / "plan.json"))
     ops.import_rig(filepath=str(tmp_path / "workshop"))
     assert cases.addon("next_step").next_step(bpy.context).startswith("Photographs: ")
-    (tmp_path / "shots" / "cam_3.png").rename(tmp_path / "elsewhere.png")
+    (tmp_path / "shots" / "camera_03.png").rename(tmp_path / "elsewhere.png")
     lab.pictures.folder, lab.pictures.before = str(tmp_path / "shots"), str(tmp_path / "before")
     ops.capture_pictures()
     words = cases.pump_until_done()
-    assert words.startswith("6 pictures in ") and "no picture of cam_3" in words
+    assert words.startswith("6 pictures in ") and "no picture of camera_03" in words
     made = read_capture(lab.fit.capture)
     plan = wireframe_from_curve(lab.plan)
     capture_from_rig(
@@ -168,10 +168,10 @@ def test_pictures_that_do_not_fit_are_told_of_and_leave_nothing(lab: Any, tmp_pa
     ops.import_frame(filepath=str(tmp_path / "plan.json"))
     ops.import_rig(filepath=str(tmp_path / "workshop"))
     lab.pictures.folder = str(tmp_path / "before")
-    cv2.imwrite(str(tmp_path / "before" / "cam_1.png"), np.zeros((60, 80), dtype=np.uint8))
+    cv2.imwrite(str(tmp_path / "before" / "camera_01.png"), np.zeros((60, 80), dtype=np.uint8))
     ops.capture_pictures()
     words = cases.pump_until_done()
-    assert "cam_1.png" in words and "80 x 60" in words
+    assert "camera_01.png" in words and "80 x 60" in words
     assert not lab.fit.capture and not list((tmp_path / "work").glob("capture-*"))
     assert len(lab.rig.objects) == 7
 
@@ -179,13 +179,13 @@ def test_pictures_that_do_not_fit_are_told_of_and_leave_nothing(lab: Any, tmp_pa
 def test_masks_lie_over_the_views_and_spoilt_ones_are_named(lab: Any, tmp_path: Path) -> None:
     assert not ops.show_masks.poll()
     rig = read_rig(tmp_path / "workshop")
-    cv2.imwrite(str(tmp_path / "shots" / "cam_2.png"), np.zeros((120, 160), dtype=np.uint8))
+    cv2.imwrite(str(tmp_path / "shots" / "camera_02.png"), np.zeros((120, 160), dtype=np.uint8))
     capture_from_rig(rig, tmp_path / "shots", FRAME, tmp_path / "capture", base=standing_at(BASE))
     lab.fit.capture = str(tmp_path / "capture")
     ops.show_masks()  # there is no rig: the capture's cameras come along
     assert len(lab.rig.objects) == 7 and lab.cameras.overlay == "picture"
     words = cases.pump_until_done()
-    assert words.startswith("6 of 7 views can be used; cam_2 not used: "), words
+    assert words.startswith("6 of 7 views can be used; camera_02 not used: "), words
     assert lab.cameras.overlay == "mask"
     for camera, view in zip(lab.rig.objects, read_capture(tmp_path / "capture").views, strict=True):
         (shown,) = camera.data.background_images
@@ -194,7 +194,7 @@ def test_masks_lie_over_the_views_and_spoilt_ones_are_named(lab: Any, tmp_path: 
         pixels = np.array(shown.image.pixels[:]).reshape(120, 160, 4)[::-1, :, :3]
         print_ = cv2.imread(str(view.image.path), cv2.IMREAD_GRAYSCALE) > 127
         reddish = pixels[..., 0] - pixels[..., 2]
-        if camera.name == "cam_2":
+        if camera.name == "camera_02":
             assert np.abs(reddish).max() < 0.1
         else:  # what is print is tinted, what is none stays as it was taken
             assert reddish[print_].mean() > 0.2 > reddish[~print_].mean()
