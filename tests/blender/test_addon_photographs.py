@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from math import degrees
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -88,11 +89,17 @@ class Lines:
     box = row = column
 
 
+def sidebar(width: int = 260) -> Any:
+    """The context of a sidebar that is so many pixels wide; without a window Blender's own has no scale."""
+    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
+    return SimpleNamespace(scene=bpy.context.scene, region=SimpleNamespace(width=width), preferences=preferences)
+
+
 def content_of(capture: Capture) -> dict[str, Any]:
     """What a capture holds, file by file: pictures as pixels, since their metadata may differ."""
-    files = [path for path in sorted(capture.folder.rglob("*")) if path.is_file()]
+    files = [path for path in sorted(capture.root.rglob("*")) if path.is_file()]
     return {
-        str(path.relative_to(capture.folder)): cv2.imread(str(path), cv2.IMREAD_UNCHANGED).tolist()
+        str(path.relative_to(capture.root)): cv2.imread(str(path), cv2.IMREAD_UNCHANGED).tolist()
         if path.suffix == ".png"
         else json.loads(path.read_text())
         for path in files
@@ -140,7 +147,7 @@ def test_pictures_become_the_capture_of_the_scene_and_its_twin(lab: Any, tmp_pat
         tmp_path / "shots",
         plan,
         tmp_path / "wanted",
-        base=standing_at([*lab.pictures.place, np.degrees(lab.pictures.turn)]),
+        base=standing_at([*lab.pictures.place, degrees(lab.pictures.turn)]),
         background=tmp_path / "before",
     )
     assert content_of(made) == content_of(read_capture(tmp_path / "wanted"))
@@ -217,7 +224,7 @@ def test_the_reasons_of_a_verdict_are_read_in_the_sidebar(lab: Any) -> None:
     seen = "cam_1 and cam_6 show too few markers of the plate to tell where they are: clear the plate first"
     verdict = Verdict.of([touched], [seen, "strut 3 is torn", "a fourth"], ["a fifth"])
     panel, lines = cases.addon("twin").FRAMETWIN_PT_twin, Lines()
-    panel._draw_verdict(None, lines, bpy.context, verdict)
+    panel._draw_verdict(None, lines, sidebar(), verdict)
     whole = " ".join(line for line in lines.texts if line)
     assert f"{touched[0].upper()}{touched[1:]}." in whole and f"{seen[0].upper()}{seen[1:]}." in whole
     assert whole.endswith("2 more in twin.json of the run.")
@@ -230,7 +237,7 @@ def test_the_panel_leads_from_the_rig_to_the_masks(lab: Any, tmp_path: Path) -> 
     def drawn() -> Lines:
         lines = Lines()
         owner = SimpleNamespace(layout=lines, _draw_pictures=lambda *given: panel._draw_pictures(None, *given))
-        panel.draw(owner, bpy.context)
+        panel.draw(owner, sidebar())
         return lines
 
     empty = drawn()
