@@ -156,7 +156,7 @@ def test_pictures_become_the_capture_of_the_scene_and_its_twin(lab: Any, tmp_pat
     ]
     assert cases.addon("next_step").next_step(bpy.context).startswith("Fit: ")
     ops.fit()
-    cases.pump_until_done()
+    cases.pump_until_done(300.0)
     assert lab.twin is not None and not cases.addon("session").runner.status.error
 
 
