@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from frametwin.printing.simulation.simulate import SimulatedPrint
     from frametwin.progress import Progress
     from frametwin.simulation.simulate import Simulation, SimulationSettings, write_simulation
+    from frametwin.tracking.events import Event
+    from frametwin.tracking.settings import TrackSettings
+    from frametwin.tracking.tracker import Tracked, Tracker
     from frametwin.twin import Twin
     from frametwin.twin.findings import missing_struts, uncertain_struts
 
@@ -43,6 +46,7 @@ _HOMES = {
     "CaptureDataset": "frametwin.dataset.tensors",
     "DeformationField": "frametwin.fields.base",
     "Errors": "frametwin.evaluation.evaluate",
+    "Event": "frametwin.tracking.events",
     "FitResult": "frametwin.fitting.api",
     "FrameTwinError": "frametwin.errors",
     "InputError": "frametwin.errors",
@@ -53,6 +57,9 @@ _HOMES = {
     "SimulatedPrint": "frametwin.printing.simulation.simulate",
     "Simulation": "frametwin.simulation.simulate",
     "SimulationSettings": "frametwin.simulation.simulate",
+    "TrackSettings": "frametwin.tracking.settings",
+    "Tracked": "frametwin.tracking.tracker",
+    "Tracker": "frametwin.tracking.tracker",
     "Twin": "frametwin.twin",
     "View": "frametwin.capture",
     "Wireframe": "frametwin.geometry.wireframe",
@@ -89,6 +96,7 @@ __all__ = [
     "CaptureDataset",
     "DeformationField",
     "Errors",
+    "Event",
     "FitResult",
     "FrameTwinError",
     "InputError",
@@ -99,6 +107,9 @@ __all__ = [
     "SimulatedPrint",
     "Simulation",
     "SimulationSettings",
+    "TrackSettings",
+    "Tracked",
+    "Tracker",
     "Twin",
     "View",
     "Wireframe",

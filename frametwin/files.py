@@ -12,6 +12,8 @@ import re
 import shutil
 import uuid
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -47,16 +49,59 @@ def write_bytes(path: PathLike, data: bytes) -> None:
     temporary = _temporary_name(target)
     try:
         try:
+            waiting = _waiting.get()
             with open(temporary, "xb") as stream:
                 stream.write(data)
                 stream.flush()
-                os.fsync(stream.fileno())
+                if waiting is None:
+                    os.fsync(stream.fileno())
             os.replace(temporary, target)
+            if waiting is not None:
+                waiting.append(target)
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
     except OSError as error:
         raise _not_written(target, "file", error) from error
+
+
+_waiting: ContextVar[list[Path] | None] = ContextVar("waiting", default=None)
+"""Files that were written and are still to be put on disk, where that is done together."""
+
+_SYNC_WORKERS = 8
+
+
+@contextlib.contextmanager
+def synced_together() -> Iterator[None]:
+    """Put the files that a block writes on disk at its end, all at once and not one after the other.
+
+    For files that count only once something that comes after the block makes them count. Where the block raises,
+    nothing is put on disk.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be put there (disk full).
+    """
+    waiting: list[Path] = []
+    token = _waiting.set(waiting)
+    try:
+        yield
+    finally:
+        _waiting.reset(token)
+    with ThreadPoolExecutor(_SYNC_WORKERS) as pool:
+        for job in [pool.submit(_sync, path) for path in dict.fromkeys(waiting)]:
+            job.result()
+
+
+def _sync(path: Path) -> None:
+    try:
+        with open(path, "rb+") as stream:
+            os.fsync(stream.fileno())
+    except FileNotFoundError:
+        return  # what was written for a moment alone
+    except OSError as error:
+        raise _not_written(path, "file", error) from error
 
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -95,8 +140,7 @@ def dump_json(obj: Any) -> str:
         If a number is NaN or infinite.
     """
 
-    def compact(value: Any) -> str:
-        return json.dumps(value, allow_nan=False, default=_plain, ensure_ascii=False)
+    compact = json.JSONEncoder(allow_nan=False, default=_plain, ensure_ascii=False).encode
 
     def block(value: Any, indent: str) -> str:
         value = value.tolist() if hasattr(value, "tolist") else value
@@ -141,7 +185,7 @@ def _refuse_constant(text: str) -> float:
     raise _Damage(text, "is not a number", "replace it by a finite number")
 
 
-_MAYBE_TOO_LARGE = re.compile(r"[eE]\+?\d{3}")
+_MAYBE_TOO_LARGE = re.compile(r"[\s,:\[]-?\d[\d.]*[eE]\+?\d{3}")  # hashes have such digits too, but begin with a quote
 
 
 def _finite_float(text: str) -> float:

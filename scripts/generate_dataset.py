@@ -139,8 +139,7 @@ def command_of_blender() -> list[str]:
 
 def make_samples(options: argparse.Namespace) -> int:
     """Make the samples named by ``--samples`` in this very Blender."""
-    from frametwin.blender.rendering.render import render_scene
-    from frametwin.capture.scene import read_scene
+    from frametwin.blender.rendering.render import render_file
 
     end_with_parent()
     indices = [int(index) for index in options.samples.split(",")]
@@ -156,7 +155,7 @@ def make_samples(options: argparse.Namespace) -> int:
                     continue
                 made_with = {}
                 if ready["scene"]:
-                    rendered = render_scene(read_scene(ready["scene"]), Path(ready["folder"]), show)
+                    rendered = render_file(ready["scene"], Path(ready["folder"]), show)
                     notes = {"blender": rendered.blender, "engine": rendered.engine, "remarks": rendered.remarks}
                     made_with = {name: value for name, value in notes.items() if value}
                 worker.call("dataset-finish", {"index": index, "made_with": made_with})

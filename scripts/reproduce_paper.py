@@ -27,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modul
 from frametwin.errors import InputError
 from scripts.command import exit_code, say
 from scripts.evidence.cases import EXPERIMENTS, PAPER_FRAMES, Case, cases_of, plan_of
+from scripts.evidence.figures import EVIDENCE, fill_pages
 from scripts.evidence.records import read_records, write_record
 from scripts.evidence.runs import EverySoOften, run_all
 
@@ -64,6 +65,9 @@ def work(options: argparse.Namespace) -> int:
 
     page = write_page(options.page or options.out, read_records(options.out))
     say(f"The page is {page}.")
+    if page.parent.resolve() == EVIDENCE.parent:  # the project's own page, whose figures others show as well
+        for filled in fill_pages():
+            say(f"Its figures are now in {filled} too.")
     return 1 if failed else 0
 
 

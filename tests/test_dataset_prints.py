@@ -12,7 +12,8 @@ from frametwin.cameras import to_nerfstudio
 from frametwin.cameras.rigs import ring_rig
 from frametwin.dataset.prints import KNOTS, SamplePrint, cameras_of, deformed_print, make_print, real_thickness
 from frametwin.dataset.recipe import RecipeFile, parse_recipe
-from frametwin.dataset.specification import Sampler, Specification
+from frametwin.dataset.specification import Sampler
+from frametwin.dataset.specification_values import Specification
 from frametwin.errors import InputError
 from frametwin.files import write_json
 from frametwin.geometry import bezier

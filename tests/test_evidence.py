@@ -21,6 +21,7 @@ from frametwin.geometry import bezier
 from frametwin.progress import Progress
 from scripts.evidence import paper, tables
 from scripts.evidence.cases import EXPERIMENTS, Case, cases_of, plan_of
+from scripts.evidence.figures import BEGIN, EVIDENCE, PAGES, TABLES, fill_pages, filled
 from scripts.evidence.measure import measured, roughness, unlike
 from scripts.evidence.page import page, write_page
 from scripts.evidence.plots import FIGURES
@@ -280,3 +281,24 @@ class TestPage:
     def test_the_page_of_the_documentation_is_that_of_its_results(self) -> None:
         data = json.loads((DOCS / "evidence.json").read_text(encoding="utf-8"))
         assert (DOCS / "evidence.md").read_text(encoding="utf-8") == page(data["records"])
+
+
+def test_readme_and_figures_show_what_the_evidence_says(tmp_path: Path) -> None:
+    for path in PAGES:
+        text = path.read_text(encoding="utf-8")
+        assert filled(text, json.loads(EVIDENCE.read_text(encoding="utf-8"))["records"], path) == text
+        assert any(BEGIN.format(name) in text for name in TABLES)
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
+    # Another result changes both pages.
+    data = json.loads(EVIDENCE.read_text(encoding="utf-8"))
+    for record in data["records"]:
+        if record["conditions"]["name"] == "Femur-fast":
+            record["result"]["after"]["curves"] = {"mean": 0.1234, "p95": 0.2, "max": 7.891}
+    other = tmp_path / "evidence.json"
+    other.write_text(json.dumps(data), encoding="utf-8")
+    copies = [tmp_path / path.name for path in PAGES]
+    assert fill_pages(other, copies) == copies
+    assert all("0.123 / 7.89" in copy.read_text(encoding="utf-8") for copy in copies)
+    assert fill_pages(other, copies) == []
+    with pytest.raises(InputError, match="does not end"):
+        filled(BEGIN.format("fast") + "\n| a |\n", data["records"], tmp_path / "page.md")

@@ -246,3 +246,11 @@ def test_stubs_between_joints_that_are_seen_are_trusted() -> None:
     twin = fit_views(frame, simulation.cameras, masks_of(simulation)).twin
     assert np.abs(twin.control_points - simulation.truth.control_points)[short].max() < 0.1 * bridge.radius[short]
     assert twin.confidence[short] > 0.3
+
+
+@pytest.mark.parametrize(("name", "peak"), [("half_bowl", 30.0), ("bridge", 50.0)])
+def test_a_print_that_sags_by_a_quarter_is_bent_and_not_torn(name: str, peak: float) -> None:
+    simulation = simulate(named_frame(name), SimulationSettings(size=HALF, seed=4, peak=peak))
+    result, errors = fitted(simulation)
+    assert result.twin.attached is not None and result.twin.attached.all()
+    assert errors.curves.mean <= 0.10

@@ -17,6 +17,7 @@ from frametwin.files import (
     read_bytes,
     read_json,
     staged_directory,
+    synced_together,
     write_bytes,
     write_json,
     write_text,
@@ -232,3 +233,39 @@ def test_progress_can_stop_the_work() -> None:
     report(lambda progress: True, step)
     with pytest.raises(Cancelled, match="fitting at step 3 of 10"):
         report(lambda progress: False, step)
+
+
+def test_files_written_together_are_put_on_disk_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is synced once, after the last was written; where the block raises, none is."""
+    told: list[str] = []
+    real = os.fsync
+
+    def fsync(file: int) -> None:
+        told.append(os.readlink(f"/proc/self/fd/{file}") if Path("/proc/self/fd").is_dir() else "a file")
+        real(file)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    with synced_together():
+        for name in ("a", "b", "a"):
+            write_text(tmp_path / name, name)
+        write_text(tmp_path / "gone", "")
+        (tmp_path / "gone").unlink()
+        assert told == []
+    assert len(told) == 2 and (tmp_path / "a").read_text() == "a"
+    with pytest.raises(ZeroDivisionError), synced_together():
+        write_text(tmp_path / "c", "c")
+        raise ZeroDivisionError
+    assert len(told) == 2
+    write_text(tmp_path / "d", "d")
+    assert len(told) == 3
+    assert not list(tmp_path.glob(".*.part"))
+
+
+def test_hashes_do_not_make_numbers_suspect(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text('{"hash": "ab5e123456", "list": [1.5e-3, "9E999"]}')
+    assert read_json(path) == {"hash": "ab5e123456", "list": [1.5e-3, "9E999"]}
+    for text in ('{"a": 1e999}', '{"a":-2.5E+400}', '{"a": [0,1E400]}', '{"a":[\\n1e309]}'.replace("\\n", "\n")):
+        path.write_text(text)
+        with pytest.raises(InputError, match="too large"):
+            read_json(path)

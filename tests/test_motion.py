@@ -12,7 +12,16 @@ from frametwin.fields.lattice import LatticeField, even_cells
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
 from frametwin.fitting.loads import load_answers, rigid_motions, smooth_warps
-from frametwin.fitting.motion import GROUND, Pose, as_rods, free_step, joint_system, smooth_descent, start_pose
+from frametwin.fitting.motion import (
+    GROUND,
+    Pose,
+    as_rods,
+    free_step,
+    joint_system,
+    smooth_descent,
+    start_pose,
+    strain,
+)
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import solve_clamped
 from frametwin.mechanics.stiffness import FrameBeams
@@ -197,6 +206,19 @@ def test_a_free_step_minimises_its_quadratic_model(name: str, pull: float, drag:
     found = np.concatenate([joints.ravel(), inner.ravel()])
     # The sparse system is held by faint springs that the dense one does without.
     np.testing.assert_allclose(found, wanted, atol=1e-3 * np.abs(wanted).max())
+
+
+def test_only_what_bends_or_stretches_costs_elastic_energy() -> None:
+    """Next to none for shifts and turns of the whole (struts then spin a little); else as the square of its size."""
+    elastic = ElasticFrame(tower(2))
+    plan = start_pose(elastic)
+    moves = rigid_motions(elastic.frame.vertices).T.reshape(6, -1, 6)
+    bent = np.random.default_rng(2).normal(size=plan.joints.shape) * np.abs(moves).max()
+    rigid = [plan.moved(move, np.zeros_like(plan.inner)) for move in moves]
+    once, twice = (plan.moved(share * bent, share * np.ones_like(plan.inner)) for share in (1.0, 2.0))
+    assert strain(elastic, plan, plan) == 0.0
+    assert max(abs(strain(elastic, whole, plan)) for whole in rigid) < 1e-4 * strain(elastic, once, plan)
+    assert strain(elastic, twice, plan) == pytest.approx(4.0 * strain(elastic, once, plan))
 
 
 def test_without_pictures_a_frame_goes_back_to_its_anchor() -> None:

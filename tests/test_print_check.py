@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,14 @@ from scipy.spatial.transform import Rotation
 from small_frames import tower
 
 from frametwin.errors import Cancelled, InputError
+from frametwin.geometry import bezier
 from frametwin.printing.job.check import check_job
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.job.second_look import StandingPoints, tool_balls
+from frametwin.printing.job.sign_off import sign_off
 from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.toolpath.exports import SUFFIXES
 from frametwin.printing.toolpath.robot_files import waypoint_file
 from frametwin.printing.toolpath.tool_path import read_tool_path
@@ -115,7 +120,9 @@ def test_a_waypoint_outside_of_the_workspace_or_too_fast_is_named(job: PrintJob)
     found = check_job(job)
     said = [str(fault) for fault in found.faults]
     assert {"workspace", "speed", "file", "reach"} <= {fault.kind for fault in found.faults}
-    assert any("batch 0: waypoint 0 is " in line and "outside of the workspace" in line for line in said)
+    assert any(
+        ", strut " in line and ": waypoint 0 is " in line and "outside of the workspace" in line for line in said
+    )
     assert any("waypoint 2 is reached 650 mm/s too fast" in line for line in said)
     assert any("waypoint 3 has no speed" in line for line in said)
 
@@ -201,6 +208,118 @@ def test_contacts_that_were_allowed_are_those_that_are_found(tmp_path: Path) -> 
     assert told and told == found
 
 
+def test_a_strut_that_begins_where_no_material_is_is_named(job: PrintJob) -> None:
+    """The whole strut is laid three diameters beside its place, where nothing stands."""
+    place = next(n for n in range(8) if not job.design.grounded[job.sequence.start[n]])
+    strut = int(job.sequence.struts[place])
+
+    def edit(data: dict[str, Any]) -> None:
+        low, high = printed_rows(data, place)
+        for n in range(low, high + 1):
+            data["position"][n][0] += 6.0 * job.design.radius[strut]
+            data["position"][n][1] += 6.0 * job.design.radius[strut]
+
+    change(job, edit)
+    said = [str(fault) for fault in check_job(job).faults if fault.kind == "gap"]
+    assert any(line.startswith(f"batch 0, strut {strut}: it begins ") for line in said)
+
+
+def test_every_fault_of_a_waypoint_names_the_strut_that_is_laid_there(job: PrintJob) -> None:
+    struts = job.sequence.in_batch(0).struts.tolist()
+    for place in (2, 5):
+
+        def edit(data: dict[str, Any], place: int = place) -> None:
+            low, high = printed_rows(data, place)
+            data["speed"][high] = 900.0
+
+        data = waypoints(job).read_bytes()
+        change(job, edit)
+        (fault,) = (fault for fault in check_job(job, 0).faults if fault.kind == "speed")
+        assert fault.strut == struts[place] and fault.waypoint is not None
+        waypoints(job).write_bytes(data)
+
+
+# --- the second look
+
+
+def test_balls_fill_the_tool_and_stay_inside() -> None:
+    nozzle = Nozzle.fitting(tower())
+    height, radius = tool_balls(nozzle)
+    centres = np.stack([np.zeros_like(height), np.zeros_like(height), height], axis=1)
+    rng = np.random.default_rng(2)
+    ways = rng.normal(size=(400, 1, 3))
+    shells = centres + radius[:, None] * ways / np.linalg.norm(ways, axis=2, keepdims=True)
+    assert nozzle.distance(shells).max() < 1e-9
+    along = rng.uniform(0.0, nozzle.cone_length, 500)
+    slope = (nozzle.cone_radius - nozzle.tip_radius) / nozzle.cone_length
+    points = np.stack([0.7 * (nozzle.tip_radius + slope * along), np.zeros(500), along], axis=1)
+    covered = (np.linalg.norm(points[:, None] - centres, axis=2) <= radius).any(axis=1)
+    assert covered[along > nozzle.tip_radius].mean() > 0.95
+
+
+def test_the_least_air_is_that_of_a_rod_beside_the_tool() -> None:
+    """An upright rod beside an upright tool's body, and one joined to what is laid, which the bead forgives."""
+    nozzle = replace(Nozzle.fitting(tower()), bead=3.0)
+    x = nozzle.body_radius + 5.0
+    rods = np.array([[[x, 0.0, 0.0], [x, 0.0, 30.0], [x, 0.0, 60.0], [x, 0.0, 400.0]]])
+    there = StandingPoints(rods, np.array([1.0]), np.array([7]))
+    found = there.nearest(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), nozzle, np.array([False]))
+    assert found.strut == 7 and found.air == pytest.approx(4.0, abs=0.05)
+    lying = bezier.straight(np.array([[0.0, 0.0, 0.0]]), np.array([[2.5, 0.0, 0.0]]))
+    beside = StandingPoints(lying, np.array([1.0]), np.array([3]))
+    pose = (np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), nozzle)
+    assert beside.nearest(*pose, np.array([True])).strut == -1
+    assert beside.nearest(*pose, np.array([False])).air < 0.0
+    assert beside.gap_to(np.array([5.5, 0.0, 0.0])) == pytest.approx([2.0])
+
+
+def test_the_second_look_alone_finds_a_way_through_the_print(job: PrintJob, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Were the first check blind, collisions would still be found."""
+    monkeypatch.setattr(
+        "frametwin.printing.job.check.collision_depths", lambda struts, *_: np.zeros((1, len(struts.radius)))
+    )
+    assert check_job(job).fine
+    first = int(job.sequence.struts[0])
+    middle = job.design.control_points[first].mean(axis=0)
+
+    def edit(data: dict[str, Any]) -> None:
+        _, last = printed_rows(data, 6)
+        data["position"][last + 2] = middle.tolist()
+
+    change(job, edit)
+    (fault,) = (fault for fault in check_job(job, 0).faults if fault.kind == "collision")
+    assert "as the second look alone has found" in str(fault) and fault.depth > 1.0
+    assert fault.strut in job.sequence.struts[6:8]
+
+
+# --- the page
+
+
+def test_the_page_tells_every_check_and_what_is_left_to_each_limit(job: PrintJob, tmp_path: Path) -> None:
+    page = sign_off(job, check_job(job))
+    lines = {line.name: line for line in page.lines}
+    assert all(line.result == "pass" for line in page.lines) and page.verdict.startswith("sound")
+    path = read_tool_path(waypoints(job), "json", job.settings.robot.workspace)
+    (look,) = page.check.looks
+    assert look.fastest == path.speed.max() and look.struts == tuple(job.sequence.in_batch(0).struts.tolist())
+    summary = job.waypoint_summary(0)
+    assert look.length == pytest.approx(job.design.lengths[list(look.struts)].sum())
+    assert look.seconds == pytest.approx(summary["seconds"], rel=1e-3)
+    where = path.position @ np.array(BASE)[:3, :3].T + np.array(BASE)[:3, 3]
+    np.testing.assert_allclose(look.lower, where.min(axis=0))
+    assert "mm of air at least: batch 0, strut" in lines["collisions"].told and look.air > 0.0
+    done("print", "check", job.folder, "--quiet", "--out", tmp_path / "check.html")
+    text = (tmp_path / "check.html").read_text()
+    assert text.count("<td>pass") == len(page.lines) and "Signature" in text and "http" not in text
+    change(job, lambda data: data["position"].__setitem__(0, [0.0, 0.0, 5000.0]))
+    bad = run("print", "check", job.folder, "--quiet", "--out", tmp_path / "check.json")
+    data = json.loads((tmp_path / "check.json").read_text())
+    assert bad.exit_code == 1 and data["format"] == "frametwin-print-check" and not data["fine"]
+    assert {line["name"] for line in data["lines"] if line["result"] == "FAIL"} >= {"workspace", "files"}
+    assert "NOT to be printed as it is" in bad.stdout
+    assert "give a name that does" in refused("print", "check", job.folder, "--out", tmp_path / "check.pdf")
+
+
 # --- the command
 
 
@@ -211,7 +330,12 @@ def test_the_command_tells_by_its_exit_code(job: PrintJob, tmp_path: Path) -> No
     assert data["fine"] is True and data["faults"] == [] and data["batches"] == [0]
     change(job, lambda data: data["position"].__setitem__(0, [0.0, 0.0, 5000.0]))
     bad = run("print", "check", job.folder, "--quiet")
-    assert bad.exit_code == 1 and "  - batch 0: waypoint 0 is " in bad.stdout and "Traceback" not in bad.stderr
+    first = int(job.sequence.struts[0])
+    assert (
+        bad.exit_code == 1
+        and f"  - batch 0, strut {first}: waypoint 0 is " in bad.stdout
+        and "Traceback" not in bad.stderr
+    )
     machine = run("print", "check", job.folder, "--quiet", "--json", "--batch", "0")
     faults = json.loads(machine.stdout)["faults"]
     assert machine.exit_code == 1 and "workspace" in {fault["kind"] for fault in faults}

@@ -30,7 +30,14 @@ def sampler_of(folder: Path, text: str, seed: int | None = None) -> Sampler:
 
 
 def test_the_recipes_that_are_promised_are_there() -> None:
-    assert {path.stem for path in RECIPES} >= {"demo", "paper", "ablation-views", "partial-prints", "photo"}
+    assert {path.stem for path in RECIPES} >= {
+        "demo",
+        "paper",
+        "ablation-views",
+        "partial-prints",
+        "photo",
+        "calibration",
+    }
 
 
 @pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
@@ -73,6 +80,18 @@ MISTAKES = {
     "half a pixel": (BRIDGE + "[rig]\nsize = [90.5, 120]", "rig.size[0]"),
     "an absurd count": (BRIDGE + "[printing]\nmissing = 100000000000000000000", "printing.missing"),
     "a rig of two minds": (BRIDGE + '[rig]\nkind = "file"\nfile = "a.json"\nviews = 4', "remove views"),
+    "no filament": (BRIDGE + '[render.look]\nplastics = ["steel"]', "render.look.plastics[0]: is 'steel'"),
+    "no table": (BRIDGE + "[render.look]\ntables = []", "render.look.tables"),
+    "too much clutter": (BRIDGE + "[render.look]\nclutter = [0, 400]", "render.look.clutter: is [0, 400]"),
+    "a lamp below the table": (BRIDGE + "[render.look]\nlight_elevation = -5", "render.look.light_elevation"),
+    "no lens model": (BRIDGE + '[rig.lens]\nmodel = "BALL"', "rig.lens.model: is 'BALL'"),
+    "a fisheye's coefficient": (BRIDGE + "[rig.lens]\nk4 = 0.1", "the model OPENCV has no k4"),
+    "a lens that is not there": (BRIDGE + "[errors]\nlens_ignored = true", "lens_ignored needs a lens"),
+    "errors below zero": (BRIDGE + "[errors]\nturned_deg = [-1, 1]", "errors.turned_deg: is [-1, 1]"),
+    "an error of what": (BRIDGE + "[errors]\nrolled = 1", "errors.rolled: is not known"),
+    "no board": (BRIDGE + '[calibration]\nboard = "chess:3x3:10"', "'chess' is not a kind of board"),
+    "a flat block": (BRIDGE + '[calibration]\nblock = "charuco:7x5:24:18"', "give a cuboid"),
+    "boards without Blender": (BRIDGE + '[calibration]\n[render]\nstyle = "silhouette"', "made by Blender"),
     "rig file without name": (BRIDGE + '[rig]\nkind = "file"', "belong together"),
 }
 

@@ -21,12 +21,14 @@ from rod_cases import (
     weighted_sum,
 )
 from rod_splat import splat_rods
+from small_frames import tower
 from torch import Tensor
 
+from frametwin.cameras.rigs import ring_rig
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster import rod_kernels, rod_reference, rods
-from frametwin.raster.pyramid import Level
+from frametwin.raster.pyramid import Level, Pyramid
 from frametwin.raster.rods import Rods
 from frametwin.raster.silhouette import silhouettes
 
@@ -277,3 +279,36 @@ def test_same_bits_with_any_number_of_threads() -> None:
         numba.set_num_threads(before)
     for one, other in zip(*results, strict=True):
         assert torch.equal(one, other)
+
+
+def test_a_drawing_that_is_kept_is_that_of_the_same_rods_alone() -> None:
+    """Whatever of the rods or cameras changes, the picture is that of a level on which nothing was drawn before."""
+    frame = tower()
+    cameras = ring_rig(frame, 3, size=(60, 80))
+    masks = [np.zeros((60, 80), dtype=np.float32)] * 3
+    level = Pyramid(cameras, masks).level(1.0, 0.7)
+    first = Rods(
+        control_points=frame.control_points,
+        joints=frame.vertices,
+        edges=frame.edges,
+        radius=np.repeat(frame.radius[:, None], 4, axis=1),
+        opacity=np.ones((frame.strut_count, 4)),
+    )
+    changed = [
+        replace(first, control_points=first.control_points + 1.0),
+        replace(first, joints=first.joints + 1.0),
+        replace(first, radius=1.2 * first.radius),
+        replace(first, opacity=np.where(np.arange(4) == 2, 0.0, first.opacity)),
+        replace(first, joint_size=np.full(frame.vertex_count, 2.0)),
+        first,
+    ]
+    for drawn in changed:
+        rods.transmittance(first, level)
+        rods.plain_evidence(first, level)
+        for kept, fresh in (
+            (rods.transmittance(drawn, level), rods.transmittance(drawn, replace(level))),
+            (rods.plain_evidence(drawn, level), rods.plain_evidence(drawn, replace(level))),
+        ):
+            np.testing.assert_array_equal(kept, fresh)
+    other = replace(level, cameras=level.cameras + 1e-3)
+    assert not np.array_equal(rods.transmittance(first, other), rods.transmittance(first, level))

@@ -32,6 +32,7 @@ ROOMS = (
     "printing.toolpath",
     "printing.job",
     "printing.simulation",
+    "tracking",
     "worker",
     "blender.background",
     "blender.scene",

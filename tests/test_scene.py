@@ -82,7 +82,6 @@ def test_what_does_not_fit_is_refused(straight_frame: Wireframe, changes: dict[s
         ({"name": "../escape"}, "no name for a file"),
         ({"name": ".."}, "no name for a file"),
         ({"name": "CAMERA_01"}, "'camera_01' occurs twice"),
-        ({"distortion": np.array([0.1, 0.0, 0.0, 0.0, 0.0])}, "distortion: Blender cannot render it"),
     ],
 )
 def test_cameras_that_blender_cannot_be_are_refused(

@@ -30,6 +30,15 @@ FORBIDDEN_IN_NAMES = '<>:"/\\|?*'
 
 _Channel = Annotated[float, within(0.0, 1.0)]
 Colour = Annotated[tuple[_Channel, _Channel, _Channel], in_words("three numbers from 0 to 1")]
+_Place = Annotated[float, within(-5.0, 5.0)]
+_Extent = Annotated[float, within(1e-3, 2.0)]
+_Turn = Annotated[float, within(-360.0, 360.0)]
+Piece = Annotated[
+    tuple[Annotated[int, within(0, 2)], _Place, _Place, _Extent, _Extent, _Turn, _Channel, _Channel, _Channel],
+    in_words("nine numbers: shape (0 box, 1 cylinder, 2 ball), x, y, width, height, degrees, red, green, blue"),
+]
+"""A thing on the table beside the print: shape, place of its middle from the frame's, width and height (all in sizes of
+the frame), turn about the vertical, and colour."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +64,24 @@ class PhotoLook:
         white surface that faces an irradiance of pi is just white in the picture at exposure 0.
     fill
         0..3, light that comes evenly from everywhere (never seen by the camera itself); 0 gives deep shadows.
-    light_azimuth
-        Degrees from world x towards world y of the key light; the rim light stands opposite.
+    light_azimuth, light_elevation
+        Degrees of the key light from world x towards world y, and above the table; the rim light stands opposite.
+    light_side
+        Side of the square key light in sizes of the frame, 0.02..4: a small one throws hard shadows.
+    clutter
+        Things on the table, see `Piece`.
     exposure
         Stops, -5..5; 1 doubles every value.
+    view_exposures
+        Stops by which single views are brighter beside, in the order of the cameras; 0 for those that are not named.
+    reference_exposure
+        Stops by which the pictures without the print are brighter.
+    reference_turn
+        Degrees by which the lamps stood elsewhere, about the vertical, when the pictures without the print were taken.
+    defocus
+        Standard deviation of the blur of the lens in px, 0..10.
+    vignetting
+        0..0.9, share of the light that is lost in the corners.
     electrons
         What a pixel collects when it is just white, 100..1000000: fewer mean more shot noise.
     read_noise
@@ -68,6 +91,9 @@ class PhotoLook:
     denoise
         Whether Blender's denoiser cleans the picture (not the sensor noise, which comes after). Builds without one
         take four times the samples in its place.
+    layered
+        Whether print and surroundings are rendered apart and put together, which takes about a fifth of the time; the
+        picture is the same but for its noise.
     seed
         Of the paths and of the sensor noise, together with the number of the view; 0..2147483647.
     """
@@ -83,11 +109,20 @@ class PhotoLook:
     rim: Annotated[float, within(0.0, 10.0)] = 0.7
     fill: Annotated[float, within(0.0, 3.0)] = 0.55
     light_azimuth: Annotated[float, within(-3600.0, 3600.0)] = 30.0
+    light_elevation: Annotated[float, within(5.0, 90.0)] = 55.0
+    light_side: Annotated[float, within(0.02, 4.0)] = 2.0
+    clutter: tuple[Piece, ...] = ()
     exposure: Annotated[float, within(-5.0, 5.0)] = 0.0
+    view_exposures: tuple[Annotated[float, within(-5.0, 5.0)], ...] = ()
+    reference_exposure: Annotated[float, within(-5.0, 5.0)] = 0.0
+    reference_turn: Annotated[float, within(-180.0, 180.0)] = 0.0
+    defocus: Annotated[float, within(0.0, 10.0)] = 0.0
+    vignetting: Annotated[float, within(0.0, 0.9)] = 0.0
     electrons: Annotated[float, within(100.0, 1e6)] = 8000.0
     read_noise: Annotated[float, within(0.0, 1000.0)] = 12.0
     samples: Annotated[int, within(1, 4096)] = 8
     denoise: bool = True
+    layered: bool = True
     seed: Annotated[int, within(0, 2**31 - 1)] = 0
 
     def __post_init__(self) -> None:
@@ -107,7 +142,7 @@ class Scene:
     thickness
         (E, K) real strut radius in mm at even parameters, linear in between, K >= 2.
     cameras
-        Pinhole cameras; pictures are named after them.
+        Pictures are named after them. A lens that distorts is resampled from a pinhole camera's wider picture.
     style
         ``"mask"`` (white struts on black) or ``"photo"``.
     engine
@@ -120,7 +155,7 @@ class Scene:
     Raises
     ------
     InputError
-        For shapes that do not fit together, values out of range, cameras with lens distortion, and camera names that
+        For shapes that do not fit together, values out of range, and camera names that
         are no file names or not different from each other.
     """
 
@@ -168,8 +203,6 @@ def _check_cameras(cameras: tuple[Camera, ...]) -> None:
         if name.casefold() in seen:
             raise InputError.at("scene", "cameras", f"{name!r} occurs twice", "give each camera a name of its own")
         seen.add(name.casefold())
-        if camera.has_distortion:
-            raise InputError.at(f"camera {name}", "distortion", "Blender cannot render it", "use without_distortion()")
 
 
 def to_dict(scene: Scene) -> dict[str, Any]:

@@ -19,12 +19,14 @@ COMMANDS = (
     "capture",
     "mask",
     "fit",
+    "track",
     "evaluate",
     "report",
     "print",
     "dataset",
     "convert",
     "info",
+    "prepare",
 )
 """In the order in which they are listed; each is a module of this package with a ``command``."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from frametwin.cli.common import FOLDER, json_option, print_json, quiet_option
+from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option
 from frametwin.cli.display import Display
 
 MOST_FAULTS = 20
@@ -16,9 +16,12 @@ MOST_FAULTS = 20
 @click.command("check", short_help="Check a job's order and the files for the robot, independently of the planner.")
 @click.argument("job", type=FOLDER)
 @click.option("--batch", type=click.IntRange(0), help="Check the waypoints of this batch alone.  [default: everything]")
+@click.option(
+    "--out", type=FOLDER, metavar="PAGE", help="Also write the summary as one page to sign, .html, or as .json."
+)
 @quiet_option
 @json_option
-def check_command(job: Path, batch: int | None, quiet: bool, as_json: bool) -> int:
+def check_command(job: Path, batch: int | None, out: Path | None, quiet: bool, as_json: bool) -> int:
     """Check that JOB can be printed: look at it anew, with nothing taken from the planner. Nothing is changed.
 
     \b
@@ -30,6 +33,9 @@ def check_command(job: Path, batch: int | None, quiet: bool, as_json: bool) -> i
                     joints; at finely sampled poses, on the ways between struts too, the nozzle keeps clear of
                     the print as it stands, of the strut's own beginning and of the plate.
 
+    What runs into what is looked for twice, by different geometry. The end is a summary of one page: every check with
+    its result, and how much is left to each limit.
+
     What is wrong is listed by batch and strut. Contacts that were allowed when planning (--allow-contact) or accepted
     are listed too. Collisions less deep than half the distance between samples, an eighth of a strut's radius, may go
     unnoticed.
@@ -40,13 +46,22 @@ def check_command(job: Path, batch: int | None, quiet: bool, as_json: bool) -> i
     Examples:
       frametwin print check out/job
       frametwin print check out/job --batch 7
+      frametwin print check out/job --out out/job-check.html
       frametwin print check out/job --json
     """
     from frametwin.printing.job.check import check_job
     from frametwin.printing.job.job import PrintJob
+    from frametwin.printing.job.sign_off import sign_off
+    from frametwin.report.check_page import check_name, text_lines, write_check
 
+    if out is not None:
+        check_name(out)
+    work = PrintJob(job)
     with Display(quiet) as display:
-        found = check_job(PrintJob(job), batch, display)
+        found = check_job(work, batch, display)
+    page = sign_off(work, found, order=batch is None)
+    if out is not None:
+        write_check(out, page)
     if as_json:
         print_json({"job": job, **found.as_dict()})
         return int(not found.fine)
@@ -62,4 +77,5 @@ def check_command(job: Path, batch: int | None, quiet: bool, as_json: bool) -> i
         click.echo(f"All is well with {job}: {looked_at}.")
     else:
         click.echo(f"{len(found.faults)} faults in {job}: {looked_at}.")
+    print_facts(f"print check: {page.design}, {page.struts} struts in {page.batches} batches", text_lines(page))
     return int(not found.fine)

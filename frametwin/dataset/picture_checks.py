@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from frametwin.cameras import Camera
 from frametwin.capture.capture import Capture, View
 from frametwin.capture.picture import Picture
+from frametwin.dataset.contrast_checks import contrast_problems, is_hard, is_indistinct
 from frametwin.dataset.true_curves import TrueCurves
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
@@ -59,7 +61,9 @@ one decide whether its centre is black, and nothing around it tells that it is a
 _PIXEL = np.ones((3, 3), dtype=np.uint8)
 
 
-def check_pictures(capture: Capture, truth: Wireframe, curves: TrueCurves) -> list[str]:
+def check_pictures(
+    capture: Capture, truth: Wireframe, curves: TrueCurves, look: Mapping[str, Any] | None = None
+) -> list[str]:
     """Compare every picture with the true curves.
 
     Parameters
@@ -70,17 +74,25 @@ def check_pictures(capture: Capture, truth: Wireframe, curves: TrueCurves) -> li
         Its truth, with what is printed.
     curves
         Samples of the truth, with the real radius.
+    look
+        Of photos, as the sample notes it: those that the paper's rule is not made for are compared by contrast.
 
     Returns
     -------
     What is wrong, in words.
     """
     problems = []
+    hard = look is not None and is_hard(look)
     for view in capture.views:
         name = capture.name_of(view.image)
-        exposure = exposure_problems(view, capture.root)
+        exposure = exposure_problems(view, capture.root, LEAST_BACKGROUND if hard else LEAST_BRIGHT)
         if exposure:
             problems += exposure
+            continue
+        if hard and look is not None and view.background is not None:
+            if not is_indistinct(look):
+                (exact,) = _exact(truth, [view.camera.without_distortion()], curves)
+                problems += [f"{name}: {text}" for text in contrast_problems(view, exact)]
             continue
         try:
             (mask,) = read_masks(replace(capture, views=(view,)))
@@ -104,8 +116,11 @@ def is_photo(view: View) -> bool:
     return image.ndim == 3 and bool((image != image[..., :1]).any())
 
 
-def exposure_problems(view: View, root: Path) -> list[str]:
-    """Whether the picture of a view, and its background, are neither black nor saturated."""
+def exposure_problems(view: View, root: Path, bright: int = LEAST_BRIGHT) -> list[str]:
+    """Whether the picture of a view, and its background, are neither black nor saturated.
+
+    ``bright`` is what the brightest pixels of a photo of the print have at least, of 255.
+    """
     problems = []
     photo = is_photo(view)
     for picture in view.pictures:
@@ -116,7 +131,7 @@ def exposure_problems(view: View, root: Path) -> list[str]:
             problems.append(f"{name} cannot be decoded")
             continue
         grey = image if image.ndim == 2 else image[..., :3].max(axis=2)
-        least = LEAST_BRIGHT if picture is view.image else LEAST_BACKGROUND
+        least = bright if picture is view.image else LEAST_BACKGROUND
         problems += [f"{name} {text}" for text in (_photo_problems(grey, least) if photo else _mask_problems(grey))]
     return problems
 

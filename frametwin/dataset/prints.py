@@ -13,7 +13,13 @@ from threadpoolctl import threadpool_limits
 from frametwin.cameras import Camera
 from frametwin.cameras.rigs import RIGS, box_around
 from frametwin.capture.transforms import read_cameras
-from frametwin.dataset.specification import DeformationValues, PrintingValues, RigValues, Specification
+from frametwin.dataset.camera_errors import stated_cameras
+from frametwin.dataset.specification_values import (
+    DeformationValues,
+    PrintingValues,
+    RigValues,
+    Specification,
+)
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.geometry.displacement import largest_displacement
@@ -44,7 +50,8 @@ class SamplePrint:
     plan, truth : with what is printed.
     present : (E, 2) interval of the curve parameter at which each strut is there.
     thickness : (E, K) real radius in mm at even parameters.
-    cameras : of the views.
+    cameras : of the views, as they truly are.
+    stated : the same as the sample states them.
     """
 
     plan: Wireframe
@@ -52,6 +59,7 @@ class SamplePrint:
     present: np.ndarray
     thickness: np.ndarray
     cameras: tuple[Camera, ...]
+    stated: tuple[Camera, ...]
 
     @property
     def peak(self) -> float:
@@ -96,7 +104,9 @@ def make_print(
     present, dropped = drop_struts(plan, printing.missing, printing.seed, share=printing.missing_share)
     thickness = real_thickness(plan, printing, dropped)
     cameras = cameras_of(plan, truth, specification.rig, rig_file)
-    return SamplePrint(plan, truth, present, thickness, cameras)
+    errors = specification.errors
+    stated = cameras if errors is None else stated_cameras(cameras, errors)
+    return SamplePrint(plan, truth, present, thickness, cameras, stated)
 
 
 def deformed_print(
@@ -173,7 +183,13 @@ def cameras_of(
         start_deg=values.start_deg,
     )
     rng = np.random.default_rng([values.seed, 2])
-    return tuple(_jittered(camera, rng, values.jitter_mm, values.jitter_deg) for camera in cameras)
+    placed = tuple(_jittered(camera, rng, values.jitter_mm, values.jitter_deg) for camera in cameras)
+    if values.lens is None:
+        return placed
+    return tuple(
+        replace(camera, distortion=np.array(coefficients), model=values.lens.model)
+        for camera, coefficients in zip(placed, values.lens.coefficients, strict=True)
+    )
 
 
 def _jittered(camera: Camera, rng: np.random.Generator, shift: float, turn: float) -> Camera:

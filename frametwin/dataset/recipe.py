@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
+from frametwin.dataset.recipe_looks import Calibration, Errors, Lens, Look
+from frametwin.dataset.recipe_values import (
+    Count,
+    Degrees,
+    Millimetres,
+    Range,
+    Refused,
+    Share,
+    Side,
+    Table,
+    Weight,
+    limits,
+)
 from frametwin.errors import InputError
 from frametwin.files import PathLike, read_text
 
@@ -19,55 +31,6 @@ FORMAT = "frametwin-recipe"
 VERSION = 1
 LIBRARY_RENDERER = "silhouette"
 """The style that needs no Blender: the library's own exact silhouettes."""
-
-
-class Refused(ValueError):
-    """A value that cannot be: what to do, and what is wrong where the value itself does not say it."""
-
-    def __init__(self, remedy: str, problem: str = "") -> None:
-        super().__init__(f"{problem}: {remedy}" if problem else remedy)
-        self.remedy, self.problem = remedy, problem
-
-
-def _pair(value: Any) -> Any:
-    """A single number is the range from it to itself."""
-    return (value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-def _rising(value: tuple[float, float]) -> tuple[float, float]:
-    if not (math.isfinite(value[0]) and math.isfinite(value[1]) and value[0] <= value[1]):
-        raise Refused("give a number, or two rising ones as [low, high]")
-    return value
-
-
-def _within(low: float, high: float) -> Any:
-    def check(value: tuple[float, float]) -> tuple[float, float]:
-        if not (low <= value[0] and value[1] <= high):
-            raise Refused(f"give numbers from {low:g} to {high:g}")
-        return value
-
-    return AfterValidator(check)
-
-
-_Range = Annotated[tuple[float, float], BeforeValidator(_pair), AfterValidator(_rising)]
-Share = Annotated[_Range, _within(0.0, 1.0)]
-Count = Annotated[
-    tuple[
-        Annotated[int, Field(ge=0, le=1_000_000, strict=True)], Annotated[int, Field(ge=0, le=1_000_000, strict=True)]
-    ],
-    BeforeValidator(_pair),
-    AfterValidator(_rising),
-]
-Millimetres = Annotated[_Range, _within(0.0, 1e4)]
-Degrees = Annotated[_Range, _within(-360.0, 360.0)]
-Side = Annotated[int, Field(ge=8, le=16384, strict=True)]
-Weight = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-
-
-class Table(BaseModel):
-    """A table of the file: unknown keys and values of another kind are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
 
 class FrameChoice(Table):
@@ -105,7 +68,7 @@ class Deformation(Table):
 
     kind: Literal["sag", "tip-load", "warp", "none", "blend"]
     weight: Weight = 1.0
-    peak_fraction: Annotated[_Range, _within(1e-4, 0.5)] = (0.03, 0.10)
+    peak_fraction: Annotated[Range, limits(1e-4, 0.5)] = (0.03, 0.10)
     unhardened: Share = (0.25, 0.25)
     drift_mm: Millimetres = (0.0, 0.0)
     drift_deg: Degrees = (0.0, 0.0)
@@ -138,12 +101,12 @@ class Printing(Table):
     thickness_variation : standard deviation of the radius along every strut, as a share of it.
     """
 
-    printed: Annotated[_Range, _within(1e-6, 1.0)] | None = None
+    printed: Annotated[Range, limits(1e-6, 1.0)] | None = None
     missing: Count = (0, 0)
-    missing_share: Annotated[_Range, _within(1e-3, 1.0)] = (0.5, 0.5)
+    missing_share: Annotated[Range, limits(1e-3, 1.0)] = (0.5, 0.5)
     thin: Count = (0, 0)
-    thin_to: Annotated[_Range, _within(0.05, 1.0)] = (0.5, 0.5)
-    thickness_variation: Annotated[_Range, _within(0.0, 0.3)] = (0.0, 0.0)
+    thin_to: Annotated[Range, limits(0.05, 1.0)] = (0.5, 0.5)
+    thickness_variation: Annotated[Range, limits(0.0, 0.3)] = (0.0, 0.0)
 
 
 class Rig(Table):
@@ -159,6 +122,7 @@ class Rig(Table):
     margin : free share of the picture on each side.
     start_deg : azimuth of the first camera.
     jitter_mm, jitter_deg : how far each camera is off its place and its aim, at most; truth knows it.
+    lens : of the cameras; without it they do not distort.
     file : the transforms.json, relative to the recipe.
     """
 
@@ -166,11 +130,12 @@ class Rig(Table):
     views: tuple[Annotated[int, Field(ge=2, le=1000, strict=True)], ...] = (8,)
     size: tuple[Side, Side] = (1200, 1600)
     elevation_deg: tuple[Annotated[float, Field(ge=-90.0, le=90.0)], ...] | None = None
-    fov_deg: Annotated[_Range, _within(1.0, 150.0)] = (40.0, 40.0)
+    fov_deg: Annotated[Range, limits(1.0, 150.0)] = (40.0, 40.0)
     margin: float = Field(default=0.08, ge=0.0, lt=0.5)
     start_deg: Degrees = (0.0, 0.0)
     jitter_mm: float = Field(default=0.0, ge=0.0, le=1e3)
     jitter_deg: float = Field(default=0.0, ge=0.0, le=45.0)
+    lens: Lens | None = None
     file: str | None = None
 
     @model_validator(mode="before")
@@ -194,21 +159,6 @@ class Rig(Table):
         if self.kind == "dome" and self.elevation_deg is not None and len(self.elevation_deg) != 2:
             raise Refused("give elevation_deg = [10, 70]", "a dome needs two elevations, the lowest and the highest")
         return self
-
-
-class Look(Table):
-    """``[render.look]``: how photos vary; samples draw from these ranges. See `frametwin.capture.scene.PhotoLook`."""
-
-    strut_grey: Annotated[_Range, _within(0.3, 1.0)] = (0.72, 0.82)
-    layer_bump: Share = (0.1, 0.4)
-    layer_colour: Annotated[_Range, _within(0.0, 0.5)] = (0.02, 0.08)
-    key: Annotated[_Range, _within(0.0, 10.0)] = (1.4, 1.8)
-    fill: Annotated[_Range, _within(0.0, 3.0)] = (0.5, 0.6)
-    light_azimuth: Degrees = (0.0, 360.0)
-    exposure: Annotated[_Range, _within(-5.0, 5.0)] = (-0.1, 0.1)
-    electrons: Annotated[_Range, _within(100.0, 1e6)] = (6000.0, 12000.0)
-    read_noise: Annotated[_Range, _within(0.0, 1000.0)] = (8.0, 16.0)
-    samples: int = Field(default=8, ge=1, le=4096, strict=True)
 
 
 class Render(Table):
@@ -249,7 +199,21 @@ class Recipe(Table):
     deformations: tuple[Deformation, ...] = Field(default=(Deformation(kind="sag"),), min_length=1)
     printing: Printing = Printing()
     rig: Rig = Rig()
+    errors: Errors | None = None
+    calibration: Calibration | None = None
     render: Render = Render()
+
+    @model_validator(mode="after")
+    def _boards_need_blender(self) -> Recipe:
+        if self.calibration is not None and self.render.style == LIBRARY_RENDERER:
+            raise Refused("take the style 'mask' or 'photo', or leave it out", "[calibration] is made by Blender")
+        return self
+
+    @model_validator(mode="after")
+    def _lens_is_rendered(self) -> Recipe:
+        if self.errors is not None and self.errors.lens_ignored and self.rig.lens is None and self.rig.file is None:
+            raise Refused("give [rig.lens], or leave it out", "errors.lens_ignored needs a lens that distorts")
+        return self
 
     @model_validator(mode="after")
     def _frames_are_named(self) -> Recipe:
@@ -303,6 +267,34 @@ def parse_recipe(data: dict[str, Any], path: PathLike) -> Recipe:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise InputError.at(path, _field(first["loc"]), *_problem(first)) from error
+
+
+def as_noted(table: Table, noted: Mapping[str, Any], apart: Collection[str] = ()) -> bool:
+    """Whether a recipe, or a table of it, is the one that a dataset has noted as JSON.
+
+    Parameters
+    ----------
+    table
+        What is wanted now.
+    noted
+        What was written, maybe by a version that lacked some fields: those are as if they stood there by default.
+    apart
+        Fields that do not count.
+    """
+    plain, kinds = table.model_dump(mode="json"), type(table).model_fields
+    for name, kind in kinds.items():
+        value = getattr(table, name)
+        if name in apart:
+            continue
+        if name not in noted:
+            same = value == kind.get_default(call_default_factory=True)
+        elif isinstance(value, Table) and isinstance(noted[name], Mapping):
+            same = as_noted(value, noted[name])
+        else:
+            same = plain[name] == noted[name]
+        if not same:
+            return False
+    return noted.keys() <= kinds.keys()
 
 
 def _field(location: Sequence[int | str]) -> str:

@@ -10,24 +10,30 @@ from __future__ import annotations
 import shutil
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from filelock import FileLock, Timeout
 
 from frametwin import __version__
+from frametwin.cameras.lens_warp import lens_warp
+from frametwin.capture.board_scene import BOARDS_FILE, read_board_scene, write_board_scene
 from frametwin.capture.capture import write_description
 from frametwin.capture.image_files import write_png
 from frametwin.capture.scene import PhotoLook, Scene, write_scene
 from frametwin.dataset import folder as folders
+from frametwin.dataset.calibration_shots import TRUTH_FILE, calibration_scene
+from frametwin.dataset.camera_errors import TRUE_FILE, true_cameras_file
 from frametwin.dataset.croissant import write_croissant
 from frametwin.dataset.prints import SamplePrint, make_print
-from frametwin.dataset.recipe import FORMAT, LIBRARY_RENDERER, RecipeFile, read_recipe
-from frametwin.dataset.specification import Sampler, Specification
+from frametwin.dataset.recipe import FORMAT, LIBRARY_RENDERER, RecipeFile, as_noted, read_recipe
+from frametwin.dataset.specification import Sampler
+from frametwin.dataset.specification_values import Specification
 from frametwin.errors import FrameTwinError, InputError
-from frametwin.files import PathLike, read_json, swap_in, write_bytes
+from frametwin.files import PathLike, read_json, swap_in, write_bytes, write_json
 from frametwin.formats import defects_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
@@ -118,8 +124,7 @@ class DatasetRun:
             known = self._known()
             if known.seed != self.seed:
                 return "samples of another seed"
-            wanted = self.recipe.model_dump(mode="json", exclude={"count"})
-            same = {name: value for name, value in known.recipe.items() if name != "count"} == wanted
+            same = as_noted(self.recipe, known.recipe, apart={"count"})
             return None if same else "samples of another recipe"
         copy = self.out / RECIPE_COPY
         if not copy.is_file() or copy.read_bytes() != self.source.path.read_bytes():
@@ -274,13 +279,21 @@ class DatasetRun:
         defects = defects_json.to_dict(made.present, made.plan.printed)
         if len(defects["struts"]):
             extra[defects_json.FILE_NAME] = defects
-        cameras = write_description(stage, made.plan, made.cameras, made.truth, extra, name=self.folder(index))
+        stated = write_description(stage, made.plan, made.stated, made.truth, extra, name=self.folder(index))
+        cameras = [replace(camera, name=shown.name) for camera, shown in zip(made.cameras, stated, strict=True)]
+        if specification.errors is not None:
+            write_json(stage / TRUE_FILE, true_cameras_file(cameras))
         write_curves(stage / "curves.npz", curve_truth(made.truth, made.present, made.thickness, cameras))
         scene = _scene(specification, made, cameras)
         if specification.render.style == LIBRARY_RENDERER:
             _draw(stage, scene, progress)
         else:
             write_scene(stage / SCENE_FILE, scene)
+        if specification.calibration is not None:
+            boards, known = calibration_scene(specification.calibration, made.plan, cameras)
+            write_board_scene(stage / BOARDS_FILE, boards)
+            (stage / TRUTH_FILE).parent.mkdir()
+            write_json(stage / TRUTH_FILE, known)
         return stage
 
     def finish(self, index: int, made_with: dict[str, Any] | None = None) -> str:
@@ -298,11 +311,11 @@ class DatasetRun:
         stage = self.stage(index)
         scene = stage / SCENE_FILE
         scene.unlink(missing_ok=True)
-        missing = [
-            name
-            for view in read_json(stage / "transforms.json")["frames"]
-            if not (stage / (name := view["file_path"])).is_file()
-        ]
+        boards = stage / BOARDS_FILE
+        shots = [shot.file for shot in read_board_scene(boards).shots] if boards.is_file() else []
+        boards.unlink(missing_ok=True)
+        pictures = [view["file_path"] for view in read_json(stage / "transforms.json")["frames"]]
+        missing = [name for name in [*pictures, *shots] if not (stage / name).is_file()]
         if missing:
             raise InputError.at(self.folder(index), missing[0], "was not rendered", "see what Blender said, try again")
         content = folders.write_sample_json(
@@ -341,11 +354,12 @@ def _scene(specification: Specification, made: SamplePrint, cameras: Sequence[An
 
 def _draw(stage: Path, scene: Scene, progress: ProgressCallback | None) -> None:
     (stage / "images").mkdir()
-    pictures = silhouettes(
-        scene.truth, scene.cameras, present=scene.present, thickness=scene.thickness, progress=progress
-    )
-    for camera, picture in zip(scene.cameras, pictures, strict=True):
-        write_png(stage / "images" / f"{camera.name}.png", picture)
+    warps = [lens_warp(camera) if camera.has_distortion else None for camera in scene.cameras]
+    seen = [camera if warp is None else warp.pinhole for camera, warp in zip(scene.cameras, warps, strict=True)]
+    pictures = silhouettes(scene.truth, seen, present=scene.present, thickness=scene.thickness, progress=progress)
+    for camera, warp, picture in zip(scene.cameras, warps, pictures, strict=True):
+        bent = picture if warp is None else np.rint(warp.linear(picture[..., None])[..., 0]).astype(np.uint8)
+        write_png(stage / "images" / f"{camera.name}.png", bent)
 
 
 @lru_cache(maxsize=4)

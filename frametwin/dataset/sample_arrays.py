@@ -10,6 +10,7 @@ import numpy as np
 from frametwin.cameras.camera import FISHEYE
 from frametwin.capture.capture import Capture, View
 from frametwin.capture.picture import Picture
+from frametwin.dataset.camera_errors import with_true_cameras
 from frametwin.dataset.folder import Sample, files_below
 from frametwin.dataset.strut_map import covered_share
 from frametwin.dataset.tensor_kinds import KINDS, PARTS, POSES
@@ -85,6 +86,7 @@ class _Reader:
         self._images: dict[Path, np.ndarray] = {}
         self._passes: list[Passes] | None = None
         self._noted: CurveTruth | None = None
+        self._true_cameras = [view.camera for view in with_true_cameras(capture).views]
 
     @property
     def truth(self) -> Wireframe:
@@ -134,7 +136,7 @@ class _Reader:
         if (self.capture.root / "passes").is_dir():
             return (self.passes()[i].strut >= 0).astype(np.float32)
         noted = self.noted()
-        return covered_share(noted.points, noted.radius, noted.present, view.camera)
+        return covered_share(noted.points, noted.radius, noted.present, self._true_cameras[i])
 
 
 def _backgrounds(capture: Capture) -> list[np.ndarray]:

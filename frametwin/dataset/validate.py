@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.capture.capture import Capture, View, read_capture
+from frametwin.dataset.camera_errors import with_true_cameras
 from frametwin.dataset.farm import run_tasks
 from frametwin.dataset.folder import (
     SAMPLE_FILE,
@@ -153,12 +154,14 @@ def validate_sample(folder: Path) -> list[str]:
             return ["truth.json is missing"]
         truth = capture.truth
         problems = [*_join_problems(capture, truth), *_camera_problems(capture)]
+        capture = with_true_cameras(capture)
         if not np.array_equal(truth.printed, capture.frame.printed):
             problems.append("truth.json: printed is not as in frame.json")
         truth = truth.replace(printed=capture.frame.printed)
         curves, wrong = read_true_curves(capture, truth)
         problems += wrong
-        problems += check_pictures(capture, truth, curves)
+        look = read_sample(folder).specification.get("render", {}).get("look")
+        problems += check_pictures(capture, truth, curves, look)
         return problems + check_passes(capture, curves)
     except FrameTwinError as error:
         return [*problems, str(error)]

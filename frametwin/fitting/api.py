@@ -172,7 +172,7 @@ def fit_views(
     began = perf_counter()
     printed, struts, joints = frame.printed_part()
     part = fitter.fit(printed, cameras, masks, start, callback)
-    twin = _whole(frame, struts, joints, part)
+    twin = whole_twin(frame, struts, joints, part)
     twin = twin.replace(**_views_and_verdict(part, printed, cameras))
     provenance = {"frametwin": __version__, "preset": preset, "seed": seed, "changes": dict(changes or {})}
     timing = {**part.timing, "fit": perf_counter() - began}
@@ -192,7 +192,7 @@ def _check_views(cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> None
             raise InputError.at(camera.name, "size", problem, "give the picture that belongs to the camera")
 
 
-def _whole(frame: Wireframe, struts: np.ndarray, joints: np.ndarray, part: PartFit) -> Twin:
+def whole_twin(frame: Wireframe, struts: np.ndarray, joints: np.ndarray, part: PartFit) -> Twin:
     """The twin of a frame, of which the given struts and joints were fitted, the others blended to meet them."""
     vertices, control_points = np.array(frame.vertices), np.array(frame.control_points)
     vertices[joints], control_points[struts] = part.vertices, part.control_points

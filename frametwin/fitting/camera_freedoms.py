@@ -112,7 +112,9 @@ class CameraPrior:
 
 def rotations(vectors: np.ndarray) -> np.ndarray:
     """(..., 3, 3) matrices of turns about the directions of ``vectors`` (..., 3), radians."""
-    from scipy.spatial.transform import Rotation  # a sixth of a second, which fits of exact cameras do without
+    if not vectors.any():  # exact cameras do without a module that takes a sixth of a second to import
+        return np.tile(np.eye(3), (*vectors.shape[:-1], 1, 1))
+    from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
 

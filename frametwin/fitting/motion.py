@@ -119,6 +119,16 @@ def _capped(
         damping *= 2.5
 
 
+def strain(elastic: ElasticFrame, pose: Pose, anchor: Pose) -> float:
+    """Elastic energy of the way from one pose to another, with that against spinning struts; see `free_step`."""
+    away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
+    bent = pose.inner - anchor.inner
+    stiffness = elastic.stiffness + elastic.spin_stiffness
+    ends = np.einsum("ea,eab,eb->", away, stiffness, away, optimize=True)
+    inner = np.einsum("ea,eab,eb->", bent, elastic.inner_stiffness, bent, optimize=True)
+    return 0.5 * float(ends + inner)
+
+
 def free_step(
     elastic: ElasticFrame, terms: Terms, pose: Pose, anchor: Pose, pull: float, drag: float
 ) -> tuple[np.ndarray, np.ndarray]:

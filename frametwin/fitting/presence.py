@@ -34,8 +34,7 @@ def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
     -------
     (E, P) opacity 0..1 and (E, P) pixels in plain view.
     """
-    through = rods.transmittance(drawn, level)
-    evidence = rods.opacity_terms(drawn, level, through, np.float32(1.0) - through - level.target)
+    evidence = rods.plain_evidence(drawn, level)
     weight, slope = evidence[..., 0], evidence[..., 1]
     opacity = np.clip(drawn.opacity - slope / np.maximum(weight, 1e-12), 0.0, 1.0)
     needed = IN_VIEW * np.median(weight)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import sqrt
 
 import cv2
@@ -13,6 +13,10 @@ from frametwin.cameras import Camera, packed
 
 PIXEL_VARIANCE = 1.0 / 12.0
 """Of a square pixel, in pixels^2."""
+
+
+KEPT = 0.5
+"""Largest share of their size at which reduced pictures are kept; larger ones would fill the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +30,7 @@ class Level:
     offsets : (N,) where each view starts.
     spread : s of the rods in pixels, sqrt(1/12 + blur^2).
     target : (pixels,) float32.
+    kept : what was last drawn here, so that it need not be drawn again; see `frametwin.raster.rods`.
     """
 
     cameras: np.ndarray
@@ -33,6 +38,7 @@ class Level:
     offsets: np.ndarray
     spread: float
     target: np.ndarray
+    kept: dict[str, tuple[tuple[np.ndarray, ...], np.ndarray]] = field(init=False, repr=False, default_factory=dict)
 
     def pictures(self, flat: np.ndarray) -> list[np.ndarray]:
         """A flat buffer as one (H, W) view a camera."""
@@ -56,6 +62,7 @@ class Pyramid:
     def __init__(self, cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> None:
         self.cameras = tuple(cameras)
         self.masks = tuple(np.ascontiguousarray(mask, dtype=np.float32) for mask in masks)
+        self._last: tuple[float, tuple[list[Camera], list[np.ndarray]]] = (0.0, ([], []))
 
     def level(self, scale: float, blur: float) -> Level:
         """The views at ``scale`` of their size, blurred by ``blur`` pixels of that size.
@@ -64,14 +71,11 @@ class Pyramid:
         blur of 0.3), so there the rods stay a little softer than the target; matching the two exactly brought the
         fit no nearer to the truth.
         """
-        cameras, pictures = [], []
-        for camera, mask in zip(self.cameras, self.masks, strict=True):
-            width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
-            picture = mask if scale == 1.0 else cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
-            if blur > 0.0:
-                picture = cv2.GaussianBlur(picture, (0, 0), blur, borderType=cv2.BORDER_REPLICATE)
-            cameras.append(camera.resized(width, height))
-            pictures.append(picture)
+        cameras, pictures = self._reduced(scale)
+        if blur > 0.0:
+            pictures = [
+                cv2.GaussianBlur(picture, (0, 0), blur, borderType=cv2.BORDER_REPLICATE) for picture in pictures
+            ]
         shapes = np.array([picture.shape for picture in pictures], dtype=np.int64)
         return Level(
             cameras=np.pad(packed(cameras), ((0, 0), (0, 1))),
@@ -80,6 +84,20 @@ class Pyramid:
             spread=sqrt(PIXEL_VARIANCE + blur * blur),
             target=np.concatenate([picture.ravel() for picture in pictures]).astype(np.float32, copy=False),
         )
+
+    def _reduced(self, scale: float) -> tuple[list[Camera], list[np.ndarray]]:
+        """The views at ``scale`` of their size. The last small ones are kept, for they are wanted with other blurs."""
+        if scale == self._last[0]:
+            return self._last[1]
+        cameras, pictures = [], []
+        for camera, mask in zip(self.cameras, self.masks, strict=True):
+            width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+            picture = mask if scale == 1.0 else cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
+            cameras.append(camera.resized(width, height))
+            pictures.append(np.asarray(picture))
+        if scale <= KEPT:
+            self._last = (scale, (cameras, pictures))
+        return cameras, pictures
 
     def pixels_per_mm(self, point: np.ndarray, scale: float = 1.0) -> float:
         """Mean over the views of how many pixels a millimetre at the point (3,) covers."""

@@ -109,21 +109,67 @@ def basis(pieces: int) -> np.ndarray:
     return bezier.bernstein(3, np.linspace(0.0, 1.0, pieces + 1))
 
 
-def transmittance(rods: Rods, level: Level) -> np.ndarray:
-    """Flat (pixels,) float32 share of the background that is seen through the rods; the picture is 1 minus it."""
-    result = np.empty_like(level.target)
-    rod_kernels.render(
-        rods.points(),
+KEPT = 4_000_000
+"""Most pixels of a level whose last drawing is kept: the stages of a fit ask for one and the same several times."""
+
+
+def _drawing(rods: Rods) -> tuple[np.ndarray, ...]:
+    """All that a drawing depends on, as the kernels take it; the polylines follow from the first."""
+    return (
+        np.ascontiguousarray(rods.control_points, dtype=np.float64),
         np.ascontiguousarray(rods.radius, dtype=np.float64),
         np.ascontiguousarray(rods.opacity, dtype=np.float64),
         np.ascontiguousarray(rods.joints, dtype=np.float64),
         rods.joint_radius(),
+    )
+
+
+def _kept(level: Level, what: str, drawing: tuple[np.ndarray, ...]) -> np.ndarray | None:
+    """What was made of the very same drawing the last time, if it was kept."""
+    if what not in level.kept:
+        return None
+    before, result = level.kept[what]
+    same = all(np.array_equal(a, b) for a, b in zip(before, drawing, strict=True))
+    return result if same else None
+
+
+def transmittance(rods: Rods, level: Level) -> np.ndarray:
+    """Flat (pixels,) float32 share of the background that is seen through the rods; the picture is 1 minus it.
+
+    It may be handed out again: it is not to be changed.
+    """
+    drawing = _drawing(rods)
+    found = _kept(level, "transmittance", drawing)
+    if found is not None:
+        return found
+    result = np.empty_like(level.target)
+    _, radius, opacity, joints, joint_radius = drawing
+    rod_kernels.render(
+        rods.points(),
+        radius,
+        opacity,
+        joints,
+        joint_radius,
         level.cameras,
         level.shapes,
         level.offsets,
         level.spread,
         result,
     )
+    if result.size <= KEPT:
+        level.kept["transmittance"] = (drawing, result)
+    return result
+
+
+def plain_evidence(rods: Rods, level: Level) -> np.ndarray:
+    """(E, P, 2) as `opacity_terms`, of what is drawn and the level's own pictures."""
+    drawing = _drawing(rods)
+    found = _kept(level, "evidence", drawing)
+    if found is not None:
+        return found
+    through = transmittance(rods, level)
+    result = opacity_terms(rods, level, through, np.float32(1.0) - through - level.target)
+    level.kept["evidence"] = (drawing, result)
     return result
 
 

@@ -11,6 +11,7 @@ import pytest
 from rod_rays import cameras, faulty, margin
 
 from frametwin.blender.rendering import photos, versions
+from frametwin.blender.rendering.optics import through_lens
 from frametwin.blender.rendering.render import render_scene
 from frametwin.blender.rendering.sensor import expose, tone_curve
 from frametwin.cameras import Camera
@@ -108,6 +109,53 @@ def test_a_build_without_denoiser_takes_more_samples_and_says_so(
         "this build of Blender has no denoiser: 4 samples a pixel instead"
     ]
     assert not render_scene(photo_scene(samples=1, denoise=False), tmp_path).remarks
+
+
+def light_of(folder: Path, camera: Camera, kind: str = "images") -> np.ndarray:
+    """Linear light of a photo, by the middle of what each value stands for."""
+    linear = np.arange(65536) / 65535.0
+    middles = np.array([linear[tone_curve() == value].mean() for value in range(256)])
+    return middles[picture(folder, kind, camera)]
+
+
+@pytest.mark.parametrize(
+    "change", [{}, {"light_side": 0.2}, {"clutter": ((0, 0.9, -0.4, 0.3, 0.3, 20.0, 0.6, 0.1, 0.1),)}]
+)
+def test_layers_make_the_picture_of_the_whole_scene(change: dict, tmp_path: Path) -> None:
+    quiet = {"samples": 64, "denoise": False, "electrons": 1e6, "read_noise": 0.0, **change}
+    for layered in (True, False):
+        render_scene(photo_scene(layered=layered, **quiet), tmp_path / str(layered))
+    camera = photo_scene().cameras[0]
+    for kind, most in (("images", 0.012), ("background", 0.006)):
+        one, other = (light_of(tmp_path / str(layered), camera, kind) for layered in (True, False))
+        # Between all pixels the light is the same; single ones differ by the noise of paths, and at edges of things.
+        np.testing.assert_allclose(one.mean(axis=(0, 1)), other.mean(axis=(0, 1)), rtol=0.02, atol=1e-3)
+        assert np.abs(one - other).mean() < most
+        blocks = [item.reshape(15, 8, 20, 8, 3).mean(axis=(1, 3)) for item in (one, other)]
+        assert np.abs(blocks[0] - blocks[1]).max() < 0.05
+
+
+def test_exposures_and_references_are_as_they_are_told(tmp_path: Path) -> None:
+    quiet = {"samples": 4, "electrons": 1e6, "read_noise": 0.0}
+    render_scene(photo_scene(**quiet), tmp_path / "plain")
+    render_scene(photo_scene(**quiet, view_exposures=(-1.0,), reference_exposure=0.5), tmp_path / "told")
+    camera = photo_scene().cameras[0]
+    for kind, stops in (("images", -1.0), ("background", -0.5)):
+        plain, told = (light_of(tmp_path / name, camera, kind) for name in ("plain", "told"))
+        fine = (plain > 0.02) & (plain < 0.9)
+        np.testing.assert_allclose(told[fine].mean(), 2.0**stops * plain[fine].mean(), rtol=0.02)
+
+
+def test_corners_get_darker_and_edges_softer() -> None:
+    look = PhotoLook(vignetting=0.4, defocus=2.0)
+    even = through_lens(np.ones((61, 81, 3), dtype=np.float32), look)
+    assert even[30, 40] == pytest.approx(1.0, abs=1e-6) and even[0, 0] == pytest.approx(0.6, abs=0.02)
+    step = np.zeros((21, 60, 3), dtype=np.float32)
+    step[:, 30:] = 1.0
+    slope = np.diff(through_lens(step, replace(look, vignetting=0.0))[10, :, 0])
+    place = np.arange(len(slope)) + 1.0
+    assert slope.sum() == pytest.approx(1.0, abs=1e-5) and slope @ place == pytest.approx(30.0, abs=1e-3)
+    assert np.sqrt(slope @ (place - 30.0) ** 2) == pytest.approx(2.0, rel=0.03)
 
 
 def test_nothing_is_left_behind(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from frametwin.capture.scene import Scene, read_scene, write_scene
+from frametwin.capture.scene import Scene, write_scene
 from frametwin.errors import InputError
 from frametwin.progress import ProgressCallback
 from frametwin.scratch import scratch_folder
@@ -40,9 +40,9 @@ def render_here(scene: Path, folder: Path, progress: ProgressCallback | None = N
     if not blender_is_here():
         remedy = "install it by 'python3 scripts/run.py setup'"
         raise InputError.at(scene, "scene", "needs Blender's module bpy, which is not installed", remedy)
-    from frametwin.blender.rendering.render import render_scene
+    from frametwin.blender.rendering.render import render_file
 
-    rendered = render_scene(read_scene(scene), folder, progress)
+    rendered = render_file(scene, folder, progress)
     return made_with(rendered.blender, rendered.engine, rendered.remarks)
 
 

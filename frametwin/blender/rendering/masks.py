@@ -6,11 +6,14 @@ from pathlib import Path
 
 from frametwin.blender.rendering import engines, versions
 from frametwin.blender.rendering.render_job import RenderJob
-from frametwin.capture.image_files import strip_png
+from frametwin.capture.image_files import decode_png, encode_png, strip_png
 from frametwin.files import write_bytes
 
 COMPRESSION = 50
 """Of PNG files, in percent: two thirds of the size of Blender's usual 15 in the same time."""
+
+FINER = 2.0
+"""How many times as fine as a lens's own a picture is from which its pixels are taken: they err by a quarter of one."""
 
 
 def render_masks(job: RenderJob, engine: str, folder: Path) -> None:
@@ -28,6 +31,8 @@ def render_masks(job: RenderJob, engine: str, folder: Path) -> None:
     image = scene.render.image_settings
     versions.write_still_images(image, "PNG")
     image.color_mode, image.color_depth, image.compression = "BW", "8", COMPRESSION
-    for _, camera in job.views():
+    for _, camera, warp in job.views(finer=FINER):
         path = job.render(".png")
-        write_bytes(folder / f"{camera.name}.png", strip_png(path.read_bytes(), path))
+        data = path.read_bytes()
+        picture = strip_png(data, path) if warp is None else encode_png(warp.nearest(decode_png(data, path)))
+        write_bytes(folder / f"{camera.name}.png", picture)

@@ -19,6 +19,9 @@ LAYER_STREAK = 0.1
 TABLE_SHINE = 0.1
 """Specular level of the table's paint, 0.5 being that of ordinary plastic."""
 
+PAINT_ROUGHNESS = 0.6
+"""Of things on the table."""
+
 LAYER_DEPTH = 0.3
 """Height of the bumps as a share of the layer height."""
 
@@ -93,6 +96,32 @@ def fill_table(material: bpy.types.Material, look: PhotoLook, bright: float, dar
     shine.operation, shine.inputs[1].default_value = "MULTIPLY", TABLE_SHINE
     tree.links.new(fade.outputs[0], shine.inputs[0])
     tree.links.new(shine.outputs[0], shader.inputs["Specular IOR Level"])
+
+
+def fill_paint(material: bpy.types.Material, colour: tuple[float, float, float]) -> None:
+    """Matte paint of one colour."""
+    tree = node_tree(material)
+    shader, output = _nodes(tree, "ShaderNodeBsdfPrincipled", "ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    shader.inputs["Base Color"].default_value = (*colour, 1.0)
+    shader.inputs["Roughness"].default_value = PAINT_ROUGHNESS
+
+
+def fill_matte(material: bpy.types.Material, grey: float) -> None:
+    """A perfectly matte surface of one grey, as paper and ink."""
+    tree = node_tree(material)
+    shader, output = _nodes(tree, "ShaderNodeBsdfDiffuse", "ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    shader.inputs["Color"].default_value = (grey, grey, grey, 1.0)
+
+
+def fill_even(world: bpy.types.World, light: float) -> None:
+    """The same light from everywhere."""
+    tree = node_tree(world)
+    background, output = _nodes(tree, "ShaderNodeBackground", "ShaderNodeOutputWorld")
+    background.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    background.inputs["Strength"].default_value = light
+    tree.links.new(background.outputs[0], output.inputs["Surface"])
 
 
 def fill_surroundings(world: bpy.types.World, fill: float) -> None:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from frametwin.blender.rendering import engines, materials, versions
+from frametwin.blender.rendering.masks import FINER
 from frametwin.blender.rendering.render_job import RenderJob
+from frametwin.cameras.lens_warp import LensWarp
+from frametwin.errors import InputError
 from frametwin.files import write_bytes
 
 
@@ -23,5 +28,30 @@ def render_passes(job: RenderJob, folder: Path) -> None:
     image = scene.render.image_settings
     versions.write_multilayer_images(image)
     image.color_depth, image.exr_codec = "32", "ZIP"
-    for _, camera in job.views():
-        write_bytes(folder / f"{camera.name}.exr", job.render(".exr").read_bytes())
+    for _, camera, warp in job.views(finer=FINER):
+        path = job.render(".exr")
+        if warp is not None:
+            bend_passes(path, warp)
+        write_bytes(folder / f"{camera.name}.exr", path.read_bytes())
+
+
+def bend_passes(path: Path, warp: LensWarp) -> None:
+    """Resample the passes in a file to what the lens sees; every value is one that is there.
+
+    Raises
+    ------
+    InputError
+        If there is no package for such files in this Python, as in a Blender of its own.
+    """
+    try:
+        import OpenEXR
+    except ImportError as error:
+        remedy = "render with the bpy module, or leave the passes or the lens out"
+        raise InputError.at(
+            "scene", "passes", "of a lens that distorts need the package OpenEXR, which this Python lacks", remedy
+        ) from error
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = {name: channel.pixels for part in file.parts for name, channel in part.channels.items()}
+        bent = {name: np.ascontiguousarray(warp.nearest(pixels)) for name, pixels in channels.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, bent).write(str(path))

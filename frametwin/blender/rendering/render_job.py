@@ -12,6 +12,7 @@ import bpy
 from frametwin.blender.rendering.console import quiet_console
 from frametwin.blender.rendering.private_scene import PrivateScene
 from frametwin.cameras import Camera
+from frametwin.cameras.lens_warp import LensWarp, lens_warp
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.progress import Progress, ProgressCallback, report
 
@@ -53,13 +54,36 @@ class RenderJob:
     total: int
     done: int = 0
 
-    def views(self) -> Iterator[tuple[int, Camera]]:
-        """Number and camera of every view, with the scene set to look through it."""
+    def views(self, pictures: int = 1, finer: float = 1.0) -> Iterator[tuple[int, Camera, LensWarp | None]]:
+        """Number and camera of every view, with the scene set to look through it.
+
+        Parameters
+        ----------
+        pictures
+            How many of a view are counted as done when the caller goes on.
+        finer
+            See `lens_warp`.
+
+        Yields
+        ------
+        For a lens that distorts also how its picture comes from the pinhole camera's that the scene looks through.
+        """
         for i, camera in enumerate(self.private.content.cameras):
-            report(self.progress, Progress("rendering", self.done, self.total))
-            self.private.look_through(camera)
-            yield i, camera
-            self.done += 1
+            self.report_progress()
+            warp = lens_warp(camera, finer) if camera.has_distortion else None
+            self.private.look_through(camera if warp is None else warp.pinhole)
+            yield i, camera, warp
+            self.done += pictures
+
+    def report_progress(self) -> None:
+        """Tell how many pictures are done.
+
+        Raises
+        ------
+        Cancelled
+            If the listener says so.
+        """
+        report(self.progress, Progress("rendering", self.done, self.total))
 
     def render(self, suffix: str) -> Path:
         """Render the scene as it is set; the file that Blender wrote."""

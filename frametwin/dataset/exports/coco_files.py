@@ -17,6 +17,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from frametwin.dataset.camera_errors import with_true_cameras
 from frametwin.dataset.croissant import LICENCE
 from frametwin.dataset.exports.learning_samples import LearningSample, learning_samples
 from frametwin.dataset.exports.libraries import needed
@@ -154,7 +155,7 @@ def _labels(sample: LearningSample, n: int) -> np.ndarray:
     if sample.passes:
         return sample.passes["strut"][n]
     arrays, mm = sample.arrays, 1.0 / UNITS[sample.facts["unit"]]  # of the arrays; cameras are in mm
-    camera = sample.capture.views[n].camera
+    camera = with_true_cameras(sample.capture).views[n].camera
     return strut_map(mm * arrays["points"], mm * arrays["point_radius"], arrays["point_present"], camera)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
+import cv2
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -183,9 +184,9 @@ def cropped(
     for camera, mask in zip(cameras, masks, strict=True):
         pixels, depth = camera.project(points)
         corners = [pixels[depth > 0.0].reshape(-1, 2)]
-        rows, columns = (np.flatnonzero((mask > 0.0).any(axis=axis)) for axis in (1, 0))
-        if len(rows):
-            corners.append(np.array([[columns[0], rows[0]], [columns[-1] + 1, rows[-1] + 1]], dtype=np.float64))
+        x, y, across, down = cv2.boundingRect((mask > 0.0).view(np.uint8))
+        if across > 0:
+            corners.append(np.array([[x, y], [x + across, y + down]], dtype=np.float64))
         extent = np.concatenate(corners)
         size = np.array([camera.width, camera.height])
         low = np.clip(np.floor(extent.min(axis=0, initial=size.max())) - CROP_MARGIN, 0, size - 1).astype(int)

@@ -1,22 +1,26 @@
 """An independent check of a print job: its order, and what the files for the robot make the tool do.
 
 Planner and check share the geometry of struts and nozzle, and nothing else: files are read back as a robot's controller
-would, the tool is followed at finely sampled poses, on its ways between struts too, and limits are compared anew.
+would, the tool is followed at finely sampled poses, on its ways between struts too, and limits are compared anew. What
+runs into what is looked for twice, by different geometry (`frametwin.printing.job.second_look`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from frametwin.errors import InputError
+from frametwin.files import file_hash
 from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.anticipation import Anticipation
 from frametwin.printing.job import job_files as files
+from frametwin.printing.job.check_record import BatchLook, JobCheck
 from frametwin.printing.job.job import PrintJob
+from frametwin.printing.job.second_look import TOLERANCE, StandingPoints
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.check import (
     UP,
@@ -41,35 +45,12 @@ BESIDE = 0.5
 SAMPLES = 257
 """Points of a strut's curve to which waypoints are compared."""
 
+SECOND_STEP = 1.0
+"""Distance in strut radii between poses of the second look."""
 
-@dataclass(frozen=True)
-class JobCheck:
-    """What was found.
 
-    Attributes
-    ----------
-    faults
-        In the order of the print; none if all is well.
-    batches
-        Those whose waypoints were looked at.
-    waypoints, poses
-        How many were looked at, of all batches together.
-    """
-
-    faults: tuple[Fault, ...]
-    batches: tuple[int, ...]
-    waypoints: int
-    poses: int
-
-    @property
-    def fine(self) -> bool:
-        """Nothing is wrong."""
-        return not self.faults
-
-    def as_dict(self) -> dict[str, Any]:
-        """As for a JSON file."""
-        faults = [{**fault.as_dict(), "sentence": str(fault)} for fault in self.faults]
-        return {**vars(self), "fine": self.fine, "faults": faults}
+ON_PLATE = 1.5
+"""A strut begins on the plate if the tip is no higher above it than this, in strut radii."""
 
 
 def check_job(job: PrintJob, batch: int | None = None, progress: ProgressCallback | None = None) -> JobCheck:
@@ -77,7 +58,8 @@ def check_job(job: PrintJob, batch: int | None = None, progress: ProgressCallbac
 
     What is found, by kind: ``"in the air"``, ``"left out"``, ``"collision"`` and ``"plate"`` of the order and of
     waypoints; ``"workspace"``, ``"speed"``, ``"tilt"``, ``"reach"``, ``"start"`` and ``"end"`` (beside the joint),
-    ``"path"`` (beside the plan of the strut) and ``"file"`` (other struts than those of the batch, or files that
+    ``"gap"`` (a strut begins, or ends at a joint, where no material is), ``"path"`` (beside the plan of the strut)
+    and ``"file"`` (other struts than those of the batch, or files that
     contradict each other) of waypoints alone.
 
     Parameters
@@ -107,12 +89,14 @@ def check_job(job: PrintJob, batch: int | None = None, progress: ProgressCallbac
         faults += check_sequence(job.design, job.sequence_at(0), nozzle, progress)
     looked_at = tuple(there) if batch is None else (batch,)
     waypoints = poses = 0
+    looks = []
     for number in looked_at:
         report(progress, Progress("checking waypoints", number, len(there)))
         look = _BatchCheck.build(job, number, nozzle)
         faults += look.faults(progress, len(there))
         waypoints, poses = waypoints + len(look.path.position), poses + look.pose_count
-    return JobCheck(tuple(faults), looked_at, waypoints, poses)
+        looks.append(look.told())
+    return JobCheck(tuple(faults), looked_at, waypoints, poses, tuple(looks))
 
 
 @dataclass(eq=False)
@@ -126,7 +110,9 @@ class _BatchCheck:
     ahead: Anticipation
     path: ToolPath
     others: dict[str, ToolPath]
+    hashes: dict[str, str]
     pose_count: int = 0
+    nearest: tuple[float, int, int] = (float("inf"), -1, -1)
 
     @classmethod
     def build(cls, job: PrintJob, batch: int, nozzle: Nozzle) -> _BatchCheck:
@@ -143,7 +129,12 @@ class _BatchCheck:
         ahead, sequence = job.anticipation(batch), job.sequence_at(batch)
         first = next(iter(paths))
         path = paths.pop(first)
-        return cls(job, batch, nozzle.long_enough(ahead.plan), sequence, ahead, path, paths)
+        hashes = {
+            name: file_hash(folder / name)
+            for name in (waypoint_file(batch, key) for key in robot.formats)
+            if (folder / name).is_file()
+        }
+        return cls(job, batch, nozzle.long_enough(ahead.plan), sequence, ahead, path, paths, hashes)
 
     def faults(self, progress: ProgressCallback | None, total: int) -> list[Fault]:
         robot, path = self.job.settings.robot, self.path
@@ -156,10 +147,43 @@ class _BatchCheck:
         if len(runs) != len(struts):
             problem = f"its waypoints lay {len(runs)} struts where the batch has {len(struts)}"
             return [replace(fault, batch=self.batch) for fault in (*found, Fault("file", None, problem))]
+        found = [self._at_strut(fault, runs, struts) for fault in found]
         for place, strut in enumerate(struts.tolist()):
             report(progress, Progress("checking waypoints", self.batch, total))
             found += self._of_strut(place, strut, runs)
         return [replace(fault, batch=self.batch) for fault in found]
+
+    def told(self) -> BatchLook:
+        """What an operator wants to know."""
+        path, workspace = self.path, self.job.settings.robot.workspace
+        waits = self.job.settings.robot.waypoints
+        where = path.position @ workspace.base[:3, :3].T + workspace.base[:3, 3]
+        ways = np.linalg.norm(np.diff(path.position, axis=0), axis=1)
+        seconds = float((ways / np.maximum(path.speed[1:], 1e-9)).sum())
+        laying = self.ahead.laying
+        air, strut, other = self.nearest
+        return BatchLook(
+            batch=self.batch,
+            struts=tuple(laying.struts.tolist()),
+            files=self.hashes,
+            waypoints=len(path.position),
+            poses=self.pose_count,
+            length=float(bezier.arc_length(laying.directed_curves(self.ahead.plan)).sum()),
+            seconds=seconds + len(laying) * (waits.start_dwell + waits.end_dwell),
+            fastest=float(path.speed.max()),
+            tilt_deg=float(np.degrees(np.arccos(np.clip(path.axis[:, 2], -1.0, 1.0))).max()),
+            lower=tuple(where.min(axis=0).tolist()),
+            upper=tuple(where.max(axis=0).tolist()),
+            air=air,
+            nearest=() if other < 0 else (strut, other),
+        )
+
+    def _at_strut(self, fault: Fault, runs: list[tuple[int, int]], struts: np.ndarray) -> Fault:
+        """The fault of a waypoint as one of the strut that is laid there, or that the tool is on its way to."""
+        if fault.waypoint is None:
+            return fault
+        place = int(np.searchsorted([last for _, last in runs], fault.waypoint))
+        return replace(fault, strut=int(struts[min(place, len(struts) - 1)]))
 
     def _in_the_air(self) -> list[Fault]:
         """Of the batch, and of all that is to come where it is the current one."""
@@ -198,10 +222,42 @@ class _BatchCheck:
         collision = collision_fault(strut, order, depth, frame.radius[order])
         if collision is not None:
             yield collision
+        yield from self._second_look(place, frame, curves, poses, known=collision is not None)
         low = poses.tip[:, 2] + np.minimum(0.0, self.nozzle.lowest(UP, poses.axis))
         sunk = plate_height(self.job.design) - float(low.min())
         if sunk > 1e-6 * self.job.design.extent:
             yield plate_fault(strut, sunk)
+
+    def _second_look(
+        self, place: int, frame: Wireframe, curves: np.ndarray, poses: ToolPoses, known: bool
+    ) -> Iterator[Fault]:
+        """Whether the strut meets material, and what the tool comes nearest to; of collisions what is not known yet."""
+        laying, standing = self.ahead.laying, np.flatnonzero(self.ahead.plan.printed)
+        strut, numbers = int(laying.struts[place]), np.concatenate([standing, laying.struts[:place]])
+        there = StandingPoints(
+            np.concatenate([frame.control_points[standing], curves[:place]]), frame.radius[numbers], numbers
+        )
+        radius = float(frame.radius[strut])
+        joints = [("begins", laying.start[place], 0), ("ends", laying.end_in(frame)[place], -1)]
+        for verb, joint, end in joints:
+            wanted = end == 0 or np.isin(joint, frame.edges[numbers])
+            tip = poses.tip[poses.laid == (0.0 if end == 0 else 1.0)][-1 if end == 0 else 0]
+            on_plate = tip[2] - plate_height(self.job.design) <= ON_PLATE * radius
+            gap = float(there.gap_to(tip).min(initial=np.inf)) - radius
+            if wanted and not on_plate and gap > 0.0:
+                away = f"{gap:.3g} mm away from" if np.isfinite(gap) else "without"
+                yield Fault("gap", strut, f"it {verb} {away} anything that is printed")
+        if not len(numbers):
+            return
+        joined = there.joined_to(curves[place], radius, np.isin(frame.edges[numbers], frame.edges[strut]).any(axis=1))
+        stride = max(1, round(SECOND_STEP / POSE_STEP))
+        nearest = there.nearest(poses.tip[::stride], poses.axis[::stride], self.nozzle, joined)
+        if nearest.air < self.nearest[0]:
+            self.nearest = (nearest.air, strut, nearest.strut)
+        depth = self.nozzle.clearance - nearest.air
+        if depth > TOLERANCE * radius and not known:
+            problem = f"the nozzle goes {depth:.3g} mm into strut {nearest.strut}, as the second look alone has found"
+            yield Fault("collision", strut, problem, (nearest.strut,), depth)
 
     def _poses(self, place: int, curve: np.ndarray, run: int, runs: list[tuple[int, int]]) -> ToolPoses:
         """From the highest point of the way to the strut, along it, and to the highest point of the way on."""

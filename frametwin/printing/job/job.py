@@ -19,7 +19,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from frametwin.errors import FrameTwinError, InputError
-from frametwin.files import PathLike, read_json, staged_directory, write_json
+from frametwin.files import PathLike, read_json, staged_directory, synced_together, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.anticipation import HISTORY, Anticipation
@@ -84,6 +84,7 @@ class PrintJob:
         self.design: Wireframe = frame_json.read(self.folder / files.DESIGN)
         self._first_sequence: PrintSequence = read_sequence(self.folder / files.SEQUENCE)
         self._first_sequence.end_in(self.design)
+        self._observed: dict[int, Observation] = {}
 
     @classmethod
     def create(
@@ -243,10 +244,11 @@ class PrintJob:
             stage, following = self._stage(batch), self._stage(batch + 1)
             try:
                 stage.mkdir()
-                going = answer_batch(stage, self._step(batch), capture, options or AnswerOptions(), progress)
-                if going is not None:
-                    following.mkdir()
-                    write_batch(following, going, self.settings, self.design)
+                with synced_together():
+                    going = answer_batch(stage, self._step(batch), capture, options or AnswerOptions(), progress)
+                    if going is not None:
+                        following.mkdir()
+                        write_batch(following, going, self.settings, self.design)
                 report(progress, Progress("writing", 1, 1))  # the last moment at which nothing is done yet
                 self._commit(batch, stage, following)
             except BaseException:
@@ -284,6 +286,11 @@ class PrintJob:
         return [self._observation(k) for k in range(max(0, batch - most), batch)]
 
     def _observation(self, batch: int) -> Observation:
+        if batch not in self._observed:  # an answered batch does not change any more
+            self._observed[batch] = self._observe(batch)
+        return self._observed[batch]
+
+    def _observe(self, batch: int) -> Observation:
         twin, plan = load_run(self.batch_folder(batch) / files.RUN)
         laid = len(self.sequence_at(batch).in_batch(batch))
         return Observation.of(batch, plan, twin, before=self.plan(batch).vertices, struts=laid)

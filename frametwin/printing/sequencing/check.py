@@ -46,6 +46,8 @@ class Fault:
         How deep in mm; 0 where nothing is hit.
     batch
         Whose waypoints are wrong; ``None`` for the order.
+    waypoint
+        The waypoint that is wrong, where it is a single one.
     """
 
     kind: str
@@ -54,6 +56,7 @@ class Fault:
     others: tuple[int, ...] = ()
     depth: float = 0.0
     batch: int | None = None
+    waypoint: int | None = None
 
     def __str__(self) -> str:
         where = [] if self.batch is None else [f"batch {self.batch}"]

@@ -43,25 +43,25 @@ def limit_faults(
     outside = np.maximum(workspace.lower - where, where - workspace.upper).max(axis=1)
     n = int(np.argmax(outside))
     if outside[n] > ROUNDING:
-        yield Fault("workspace", None, f"waypoint {n} is {outside[n]:.3g} mm outside of the workspace")
+        yield Fault("workspace", None, f"waypoint {n} is {outside[n]:.3g} mm outside of the workspace", waypoint=n)
     n = int(np.argmax(path.speed))
     if path.speed[n] > workspace.max_speed + ROUNDING:
         too_fast = path.speed[n] - workspace.max_speed
-        yield Fault("speed", None, f"waypoint {n} is reached {too_fast:.3g} mm/s too fast")
+        yield Fault("speed", None, f"waypoint {n} is reached {too_fast:.3g} mm/s too fast", waypoint=n)
     n = int(np.argmin(path.speed))
     if path.speed[n] <= 0.0:
-        yield Fault("speed", None, f"waypoint {n} has no speed")
+        yield Fault("speed", None, f"waypoint {n} has no speed", waypoint=n)
     allowed = min(max_tilt_deg, workspace.max_tilt_deg)
     tilt = np.degrees(np.arctan2(np.hypot(path.axis[:, 0], path.axis[:, 1]), path.axis[:, 2]))
     n = int(np.argmax(tilt))
     if tilt[n] > allowed + 1e-4:
-        yield Fault("tilt", None, f"the tool leans {tilt[n] - allowed:.3g} degrees too far at waypoint {n}")
+        yield Fault("tilt", None, f"the tool leans {tilt[n] - allowed:.3g} degrees too far at waypoint {n}", waypoint=n)
     if arm is not None and tool is not None:
         turns = workspace.base[:3, :3] @ path.rotation
         bad = np.flatnonzero(~within_reach(arm, where - tool * turns[:, :, 2], turns))
         if len(bad):
             problem = f"waypoint {int(bad[0])} is out of a {arm.name}'s reach, as are {len(bad) - 1} others"
-            yield Fault("reach", None, problem)
+            yield Fault("reach", None, problem, waypoint=int(bad[0]))
 
 
 def agreement_faults(path: ToolPath, others: Mapping[str, ToolPath]) -> Iterator[Fault]:

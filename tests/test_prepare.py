@@ -1,0 +1,43 @@
+"""``frametwin prepare``: afterwards a process finds machine code for what a fit calls."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from cli_tools import done
+
+from frametwin.errors import Cancelled
+from frametwin.service.prepare import prepare
+
+LOOK = """
+import numpy as np
+import frametwin
+from frametwin.fitting.api import fit_views
+from frametwin.raster import rod_kernels, silhouette
+from frametwin.service.prepare import prepare
+
+prepare()
+kernels = [rod_kernels.render, rod_kernels.gather_struts, rod_kernels.gather_joints, rod_kernels.gather_opacity]
+before = [kernel.signatures.copy() for kernel in (*kernels, silhouette._fill)]
+made = frametwin.simulate("bridge", views=4, size=(90, 120))
+fit_views(made.frame, made.cameras, [image / np.float32(255.0) for image in made.images])
+print(all(len(own) == 1 for own in before), before == [kernel.signatures for kernel in (*kernels, silhouette._fill)])
+"""
+
+
+def test_a_fit_after_it_compiles_nothing() -> None:
+    """What a fit calls its loops with is what they were prepared for."""
+    run = subprocess.run([sys.executable, "-c", LOOK], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["True", "True"]
+
+
+def test_the_command_names_what_it_compiles() -> None:
+    told = json.loads(done("prepare", "--quiet", "--json").stdout)["compiled"]
+    assert len(told) == 5 and all(each["seconds"] >= 0.0 for each in told)
+    stages: list[str] = []
+    with pytest.raises(Cancelled):
+        prepare(lambda progress: stages.append(progress.stage) or len(stages) < 2)
+    assert stages == ["compiling silhouettes", "compiling pictures of rods"]
