@@ -69,7 +69,7 @@ def open_path(context: bpy.types.Context, path: Path) -> str:
 
 
 class FRAMETWIN_OT_open_file(FileStep, bpy.types.Operator):
-    """Open a frame, a capture (its transforms.json), a run (its twin.json) or a print job (its job.json)"""
+    """Open a frame, a capture (transforms.json), a rig (rig.json), a run (twin.json) or a print job (job.json)"""
 
     bl_idname = "frametwin.open_file"
     bl_label = "FrameTwin: Open File"
