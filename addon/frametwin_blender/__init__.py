@@ -30,6 +30,7 @@ from . import (
     show_hide,
     status,
     support,
+    translations,
     twin,
 )
 
@@ -54,6 +55,7 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.frametwin = bpy.props.PointerProperty(type=properties.FrameTwinSettings)
+    translations.register()
     session.register()
     legend.register()
     jobs_in_view.register()
@@ -69,6 +71,7 @@ def unregister() -> None:
     jobs_in_view.unregister()
     legend.unregister()
     session.unregister()
+    translations.unregister()
     del bpy.types.Scene.frametwin
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -107,7 +107,7 @@ class FRAMETWIN_PT_adapt(Panel, bpy.types.Panel):
         adapted = find_adapted(twin)
         if adapted is not None:
             draw_shown(layout, ("Adapted", adapted.struts))
-            draw_input(layout, adapted.struts, GHOST)
+            draw_input(layout, adapted.struts, GHOST, "Planned", toggle=True)
             layout.operator("frametwin.export_adapted", text="Export Adapted", icon="EXPORT")
 
 

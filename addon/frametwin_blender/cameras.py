@@ -10,7 +10,7 @@ import numpy as np
 
 from frametwin.blender.display.prints import read_print
 from frametwin.blender.scene.units import mm_per_unit
-from frametwin.blender.views.captures import next_camera, show_pictures
+from frametwin.blender.views.captures import PICTURE, next_camera, show_pictures
 from frametwin.blender.views.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
@@ -134,7 +134,7 @@ class FRAMETWIN_OT_step_camera(_RigStep, bpy.types.Operator):
 def pictures_of(rig: bpy.types.Collection, camera: bpy.types.Object | None = None) -> list[bpy.types.Image]:
     """The pictures that the rig's cameras have, or one of them."""
     cameras = [obj for obj in rig.all_objects if obj.type == "CAMERA"] if camera is None else [camera]
-    return [shown.image for obj in cameras for shown in obj.data.background_images if shown.image is not None]
+    return [obj[PICTURE] for obj in cameras if isinstance(obj.get(PICTURE), bpy.types.Image)]
 
 
 class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
@@ -155,6 +155,7 @@ class FRAMETWIN_OT_picture_beside(_RigStep, bpy.types.Operator):
         if scene.camera is None or scene.camera.name not in rig.all_objects:
             next_camera(rig, 1, scene)
         show_pictures(rig, capture, opacity=settings.cameras.opacity, front=settings.cameras.front)
+        settings.cameras.overlay = "picture"
         shown = scene.camera.data.background_images
         if not len(shown):
             raise InputError(f"The capture has no picture of {scene.camera.name}: step to another camera.")

@@ -29,7 +29,10 @@ from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, writ
 from .views import see
 
 TITLE = "Fit"
-STAGES = {"reading images": (0.0, 0.2), **dict.fromkeys(("smooth motion", "joints and struts", "fitting"), (0.2, 1.0))}
+FITTING = ("smooth motion", "smooth motion and cameras", "joints and struts", "fitting")
+"""Stages that count their steps together."""
+
+STAGES = {"reading images": (0.0, 0.2), **dict.fromkeys(FITTING, (0.2, 1.0))}
 
 
 def fit_job(context: bpy.types.Context) -> Job:

@@ -17,6 +17,7 @@ from . import session
 from .in_view import show_twin
 from .steps import Panel, Step, needs, settings_of, twin_of, write_text
 from .strut_table import BATCH, INDEX, StrutTable
+from .translations import in_own_context
 from .twin import AROUND, look_at_struts, torn_struts
 from .views import is_through_camera
 
@@ -237,3 +238,5 @@ CLASSES = (
     FRAMETWIN_OT_list_struts,
     FRAMETWIN_PT_inspect,
 )
+
+in_own_context((FrameTwinInspect,))

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import bpy
 
-from frametwin.blender.views.captures import next_camera, show_pictures
+from frametwin.blender.views.captures import PICTURE, next_camera, show_pictures
 from frametwin.errors import InputError
 
 from .folders import given_folder
@@ -30,7 +30,10 @@ class _Arranging:
 
     def __call__(self) -> float | None:
         self.left -= 1
-        if self.window not in list(bpy.context.window_manager.windows):
+        try:
+            if self.window not in list(bpy.context.window_manager.windows):
+                return None
+        except ReferenceError:  # another file has been opened
             return None
         if self.window.workspace.name != self.workspace:
             return PAUSE if self.left > 0 else None
@@ -78,8 +81,7 @@ def open_tab(context: bpy.types.Context) -> None:
 
 def picture_of(camera: bpy.types.Object | None) -> bpy.types.Image | None:
     """The picture that is shown in the view of a camera."""
-    pictures = [] if camera is None else [shown.image for shown in camera.data.background_images]
-    return next((image for image in pictures if image is not None), None)
+    return None if camera is None else camera.get(PICTURE)
 
 
 class FRAMETWIN_OT_inspect(Step, bpy.types.Operator):
@@ -105,6 +107,7 @@ class FRAMETWIN_OT_inspect(Step, bpy.types.Operator):
         for obj in rig.all_objects:
             if obj.type == "CAMERA":
                 obj.data.show_background_images = False  # the twin alone on the left
+        settings.cameras.overlay = "picture"
         count = fill(context).count
         window = context.window
         if window is None:

@@ -119,7 +119,7 @@ def _draw() -> None:
     if not context.space_data.overlay.show_overlays:
         return
     for job in jobs_in(context.scene):
-        corners = corners_of(_visible([job], context.view_layer))
+        corners = corners_of(_visible([job], context.view_layer), update=False)
         places = [location_3d_to_region_2d(context.region, context.region_data, corner) for corner in corners.tolist()]
         seen = np.array([place for place in places if place is not None]).reshape(-1, 2)
         if len(seen):

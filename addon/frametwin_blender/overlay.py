@@ -2,7 +2,6 @@
 
 # No postponed annotations here: Blender reads them as properties.
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,7 +16,7 @@ from frametwin.errors import InputError
 
 from . import session
 from .computing import can_compute, worker_job
-from .folders import given_folder
+from .folders import fresh_folder, given_folder
 from .properties import OVERLAYS
 from .steps import Step, draw_progress, needs, rig_of, settings_of, twin_of, write_text
 from .views import look_through_camera
@@ -42,8 +41,7 @@ def compare_job(context: bpy.types.Context, mode: str) -> Job:
     """
     capture, run = given_folder(settings_of(context).fit.capture, "Capture"), run_of(context)
     scene_now = keep(context.scene)
-    scratch = Path(tempfile.mkdtemp(prefix="frametwin-"))
-    out = scratch / "views"
+    out = fresh_folder(Path(bpy.app.tempdir), "frametwin-views")
 
     def finish(answer: dict[str, Any]) -> Steps:
         scene = scene_now()
@@ -56,7 +54,7 @@ def compare_job(context: bpy.types.Context, mode: str) -> Job:
         yield
 
     def clear() -> None:
-        shutil.rmtree(scratch, ignore_errors=True)
+        shutil.rmtree(out, ignore_errors=True)
 
     return worker_job(
         TITLE, "compare", {"capture": capture, "run": run}, finish, out=out, clear=clear, stages=STAGES

@@ -15,6 +15,7 @@ from frametwin.printing.records.history import PrintHistory, read_history
 
 from . import session
 from .computing import can_compute, worker_job
+from .fit import FITTING
 from .folders import fresh_folder, given_folder, work_folder
 from .jobs_in_view import come_back, hide_for_jobs, name_of, remember, show_whole
 from .preferences import draw_python
@@ -23,7 +24,7 @@ from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings
 TITLE = "Print"
 PLANNING = {"looking for collisions": (0.0, 0.2), "ordering the struts": (0.2, 1.0)}
 PRINTING = {"looking for collisions": (0.0, 0.03), "ordering the struts": (0.03, 0.06), "printing": (0.06, 1.0)}
-ANSWERING = {"reading images": (0.0, 0.3), **dict.fromkeys(("smooth motion", "joints and struts"), (0.3, 1.0))}
+ANSWERING = {"reading images": (0.0, 0.3), **dict.fromkeys(FITTING, (0.3, 1.0))}
 MODES = {"both": ("adapt", "blind"), "adapt": ("adapt",), "blind": ("blind",), "compensate": ("compensate",)}
 
 

@@ -23,6 +23,7 @@ from .frames_offered import FRAME_ITEMS
 from .in_view import can_be_chosen, plan_chosen, twin_chosen
 from .picture_settings import FrameTwinPictures
 from .recolour import recolour_active, recolour_afresh, restyle_active
+from .translations import in_own_context
 
 PRESETS = (
     ("fast", "Fast", "Blurred rods and second-order steps: seconds on a laptop, the most accurate"),
@@ -191,7 +192,9 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         description="Of the pictures in the cameras",
         update=restyle_active,
     )
-    overlay: EnumProperty(name="Overlay", items=(*OVERLAYS, MASKS))  # type: ignore[valid-type]
+    overlay: EnumProperty(  # type: ignore[valid-type]
+        name="Overlay", description="What lies over the views of the cameras", items=(*OVERLAYS, MASKS)
+    )
     front: BoolProperty(  # type: ignore[valid-type]
         name="In Front",
         description="Draw the pictures before the curves rather than behind them",
@@ -369,3 +372,5 @@ CLASSES = (
     FrameTwinView,
     FrameTwinSettings,
 )
+
+in_own_context(CLASSES)

@@ -20,6 +20,9 @@ INTERVAL = 0.05
 runner = Runner()
 installer: Installer | None = None
 _when_installed: Callable[[], None] | None = None
+_told = ""
+"""What the status bar shows."""
+
 last_words = ""
 """What was told last, for tests and for Blender without a window."""
 
@@ -84,8 +87,14 @@ def redraw(all_of_it: bool = True) -> None:
         for area in window.screen.areas:
             if area.type in {"VIEW_3D", "PREFERENCES"}:
                 _redraw(area, all_of_it)
-    # The status bar is no area of the screen; it listens to what view layers are called.
-    bpy.msgbus.publish_rna(key=(bpy.types.ViewLayer, "name"))
+    global _told
+    words = runner.status.overall_line if runner.busy else runner.status.message
+    if installer is not None and installer.running:
+        words = installer.stage
+    if all_of_it or words != _told:
+        _told = words
+        # The status bar is no area of the screen; it listens to what view layers are called.
+        bpy.msgbus.publish_rna(key=(bpy.types.ViewLayer, "name"))
 
 
 def _redraw(area: bpy.types.Area, all_of_it: bool) -> None:

@@ -14,6 +14,7 @@ from frametwin.errors import FrameTwinError
 
 from . import session
 from .text import wrapped
+from .translations import CONTEXT
 
 BUTTON = 24
 """Width of a button besides its text, as well."""
@@ -24,6 +25,8 @@ CHARACTER = 6.6
 
 class Step:
     """An operator that calls functions of ``frametwin.blender``; what a user can cause becomes one report in words."""
+
+    bl_translation_context = CONTEXT
 
     if TYPE_CHECKING:  # an operator's own, in every class that is registered
         report: Callable[[set[str], str], None]
@@ -79,6 +82,7 @@ class Panel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "FrameTwin"
+    bl_translation_context = CONTEXT
 
 
 def settings_of(context: bpy.types.Context) -> bpy.types.PropertyGroup:

@@ -262,11 +262,11 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
     def _draw_display(self, layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> None:
         if obj is None:
             return
-        draw_input(layout, obj, EXAGGERATION, slider=True)
+        draw_input(layout, obj, EXAGGERATION, "Exaggeration", slider=True)
         row = layout.row(align=True)
         for name, text in ((DASHES, "Dashes"), (GHOST, "Plan")):
             draw_input(row, obj, name, text, toggle=True)
-        draw_input(layout, obj, BATCH)
+        draw_input(layout, obj, BATCH, "Up to Batch")
 
     def _draw_statistics(self, layout: bpy.types.UILayout, found: StrutValues) -> None:
         numbers = statistics_of(found.values)

@@ -30,9 +30,13 @@ def views_of(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Area, bpy.t
             yield area, region
 
 
-def corners_of(objects: Iterable[bpy.types.Object]) -> np.ndarray:
-    """Corners of the boxes around objects that are in view: (8 N, 3), in Blender units."""
-    bpy.context.view_layer.update()  # what was made a moment ago has no place yet
+def corners_of(objects: Iterable[bpy.types.Object], update: bool = True) -> np.ndarray:
+    """Corners of the boxes around objects that are in view: (8 N, 3), in Blender units.
+
+    What was made a moment ago has no place yet but by an ``update``, for which there is no time while a view is drawn.
+    """
+    if update:
+        bpy.context.view_layer.update()
     boxes = [
         np.array(obj.bound_box) @ np.array(obj.matrix_world)[:3, :3].T + np.array(obj.matrix_world)[:3, 3]
         for obj in objects

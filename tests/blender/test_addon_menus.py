@@ -11,6 +11,7 @@ import extension_cases as cases
 import numpy as np
 import pytest
 
+from frametwin.blender.display.quantities import QUANTITIES
 from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.capture.capture import read_capture
 from frametwin.formats import read_frame, write_frame
@@ -191,3 +192,14 @@ def test_the_status_bar_tells_how_a_job_ended_until_it_is_dismissed(tab: Any, tm
     cases.pump_until_done()
     assert session.runner.status.cancelled and cases.addon("steps").end_icon(session.runner.status) == "CANCEL"
     assert not ops.cancel_by_key.poll()
+
+
+def test_every_translated_word_is_one_that_the_tab_shows(tab: Any) -> None:
+    translations = cases.addon("translations")
+    folder = Path(translations.__file__).parent
+    code = "\n".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "translations.py")
+    names = {quantity.name for quantity in QUANTITIES.values()}  # of what the colours show
+    assert not [word for word in translations.WORDS if f'"{word}"' not in code and word not in names]
+    for language in translations.catalogue().values():
+        assert all(text.strip() and text == text.strip() for text in language.values())
+    assert cases.addon("plan").FRAMETWIN_PT_plan.bl_translation_context == translations.CONTEXT

@@ -257,6 +257,11 @@ def test_outline_and_difference_lie_over_the_cameras_views(tab: Any, small_captu
     assert tab.twin["frametwin_run"] != before
     ops.show_pictures(mode="difference")
     cases.pump_until_done()
+    ops.picture_beside()
+    ops.show_pictures(mode="outline")
+    ops.step_camera(step=1)  # the picture beside goes along all the same, and stays a picture
+    (editor,) = [area for area in bpy.context.window.screen.areas if area.type == "IMAGE_EDITOR"]
+    assert Path(editor.spaces.active.image.filepath).stem == bpy.context.scene.camera.name
     runs = {image["frametwin_comparison"]["run"] for image in bpy.data.images if "frametwin_comparison" in image}
     assert runs == {tab.twin["frametwin_run"]}
 

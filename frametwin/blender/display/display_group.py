@@ -86,16 +86,21 @@ def _build(group: bpy.types.NodeTree) -> Generator[None, None, None]:
     exaggerated = _exaggerated(graph, given, kept)
     yield
     coloured = yield from _coloured_steps(graph, given, exaggerated)
-    struts = _tubes(graph, coloured, _scale(graph, given), given)
+    radius = _scale(graph, given)
     yield
-    struts = graph.switch("GEOMETRY", given[DASHES], struts, _dashed(graph, struts))
+    broken = graph.node("GeometryNodeSeparateGeometry", {0: coloured, 1: graph.attribute("missing")}, domain="CURVE")
+    whole = _tubes(graph, broken.outputs[1], radius, given)
+    yield
+    parts = _tubes(graph, broken.outputs[0], radius, given)
+    yield
+    parts = graph.switch("GEOMETRY", given[DASHES], parts, _dashed(graph, parts))
     yield
     ghost = _ghost(graph, given, kept)
     yield
-    both = graph.switch("GEOMETRY", given[GHOST], struts, _joined(graph, [struts, ghost]))
-    whole = _joined(graph, [_carrier(graph, given), both])
+    shown = graph.switch("GEOMETRY", given[GHOST], None, ghost)
+    drawn = _joined(graph, [_carrier(graph, given), whole, parts, shown])
     yield
-    smooth = graph.node("GeometryNodeSetShadeSmooth", {0: whole})
+    smooth = graph.node("GeometryNodeSetShadeSmooth", {0: drawn})
     drawn = graph.node("GeometryNodeSetMaterial", {"Geometry": smooth, "Material": display_material()})
     graph.node("NodeGroupOutput", {"Geometry": drawn})
     set_menu(group)
@@ -131,9 +136,10 @@ def _without_later_batches(graph: NodeGraph, given: Any) -> bpy.types.NodeSocket
     past = graph.math("FLOOR", graph.math("DIVIDE", graph.math("SUBTRACT", frame, given[START]), given[STEP]))
     last = graph.switch("FLOAT", given[BY_TIME], given[BATCH], past)
     later = graph.math("GREATER_THAN", graph.attribute("batch"), last)
-    later = graph.math("MULTIPLY", later, graph.math("GREATER_THAN", last, -0.5))
     inputs = {"Geometry": given["Geometry"], "Selection": later}
-    return first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="CURVE"))
+    fewer = first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="CURVE"))
+    all_of_it = graph.math("LESS_THAN", last, -0.5)
+    return graph.switch("GEOMETRY", all_of_it, fewer, given["Geometry"])
 
 
 def _exaggerated(graph: NodeGraph, given: Any, curves: Any) -> bpy.types.NodeSocket:
@@ -177,19 +183,23 @@ def _coloured_steps(graph: NodeGraph, given: Any, curves: Any) -> Generator[None
     share = graph.math(
         "DIVIDE", graph.math("SUBTRACT", value, given[FIRST]), graph.math("SUBTRACT", given[LAST], given[FIRST])
     )
+    yield
     menu = graph.node("GeometryNodeMenuSwitch", data_type="RGBA")
     while len(menu.enum_items) < len(MAPS):
         menu.enum_items.new("")
     for item, name in zip(menu.enum_items, MAPS, strict=True):
         item.name = name
     graph.tree.links.new(given[MAP], menu.inputs[0])
+    yield
     for name in MAPS:
-        graph.tree.links.new(_ramp(graph, share, name), find_socket(menu.inputs, name))
+        ramp = yield from _ramp_steps(graph, share, name)
+        graph.tree.links.new(ramp, find_socket(menu.inputs, name))
         yield
     known = graph.node("FunctionNodeCompare", {"A": value, "B": value, "Epsilon": 0.0}, operation="EQUAL")
     state = graph.attribute("state", "INT")
     colours = [(*LOOKS[kind].colour, 1.0) for kind in State]
     plain = graph.pick("RGBA", state, colours)
+    yield
     measured = graph.math("MULTIPLY", known, graph.math("LESS_THAN", state, 0.5))
     colour = graph.switch("RGBA", measured, plain, first_output(menu))
     colour = graph.switch("RGBA", graph.attribute("missing", "BOOLEAN"), colour, (*MISSING_COLOUR, 1.0))
@@ -199,7 +209,7 @@ def _coloured_steps(graph: NodeGraph, given: Any, curves: Any) -> Generator[None
     return first_output(stored)
 
 
-def _ramp(graph: NodeGraph, share: Any, name: str) -> bpy.types.NodeSocket:
+def _ramp_steps(graph: NodeGraph, share: Any, name: str) -> Generator[None, None, bpy.types.NodeSocket]:
     node = graph.node("ShaderNodeValToRGB", {0: share})
     colours = colour_map(name)
     elements = node.color_ramp.elements
@@ -207,6 +217,8 @@ def _ramp(graph: NodeGraph, share: Any, name: str) -> bpy.types.NodeSocket:
         place = i / (len(colours) - 1)
         element = elements[0] if i == 0 else elements[-1] if i == len(colours) - 1 else elements.new(place)
         element.position, element.color = place, (*colour, 1.0)
+        if i % 8 == 7:
+            yield
     return first_output(node)
 
 

@@ -28,8 +28,8 @@ class NodeGraph:
         kind
             Blender's name of its type.
         inputs
-            What its inputs get, by name or place: a socket or node to be linked (of a node, its first output), or a
-            value.
+            What its inputs get, by name or place: a socket or node to be linked (of a node, its first output), a value,
+            or ``None`` for what Blender has there.
         properties
             Set first, since the sockets depend on them.
         """
@@ -38,6 +38,8 @@ class NodeGraph:
         for name, value in properties.items():
             setattr(made, name, value)
         for key, value in (inputs or {}).items():
+            if value is None:
+                continue
             socket = made.inputs[key] if isinstance(key, int) else find_socket(made.inputs, key)
             if isinstance(value, bpy.types.Node):
                 value = first_output(value)

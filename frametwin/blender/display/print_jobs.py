@@ -75,7 +75,7 @@ def show_job_steps(
     try:
         for batch in history.batches:
             inner = new_collection(f"batch {batch.batch}{suffix}", scene, collection)
-            legend = yield from _show_batch(history.design, batch, inner, scene, shift, top)
+            legend = yield from _show_batch(history.design, batch, inner, scene, shift, top, history.adapts)
             inner[WORDS_KEY] = words_of(batch, history.design)
             _on_timeline(inner, batch.batch, batch.batch == len(history.batches) - 1)
             shown.append(inner)
@@ -102,6 +102,7 @@ def _show_batch(
     scene: bpy.types.Scene,
     shift: np.ndarray,
     top: float,
+    adapts: bool,
 ) -> Generator[None, None, Legend]:
     stands = batch.standing.printed
     lost, missed = (np.isin(np.arange(design.strut_count), struts) for struts in (batch.lost, batch.missed))
@@ -112,7 +113,7 @@ def _show_batch(
     for frame, mask, role, state in (
         (batch.planned, everywhere, "plan", State.PLAN),
         (batch.standing, stands, "standing", State.PRINTED),
-        (batch.adapted, ~batch.adapted.printed & ~lost, "next", State.NEXT),
+        (batch.adapted, ~batch.adapted.printed & ~lost, "next", State.NEXT if adapts else State.UNPRINTED),
         (design, missed, "missed", State.MISSED),
         (batch.planned, lost, "lost", State.LOST),
     ):

@@ -81,9 +81,11 @@ class TwinContent:
         height = np.where(frame.printed, farthest(attributes["distance"].values, sampling), np.nan)
         values["distance"] = StrutValues("distance", "mm", height)
         numbers = np.arange(frame.strut_count)
+        struts = StrutCurves(curves, frame, sampling, attributes, numbers, sampling.between(thickness))
+        assert len(struts.points[0])  # worked out here, where a thread may do it, and not as the twin is shown
         return cls(
             frame,
-            StrutCurves(curves, frame, sampling, attributes, numbers, sampling.between(thickness)),
+            struts,
             values,
             missing,
             uncertain_struts(twin, frame.printed),

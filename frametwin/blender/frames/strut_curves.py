@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import bpy
 import numpy as np
@@ -117,6 +118,15 @@ class StrutCurves:
     strut: np.ndarray
     radius: np.ndarray | None = None
 
+    @cached_property
+    def points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(P, 3) mm each: points, what lies from them to their right handles, and the displacement of both.
+
+        Worked out once, where there is time for it.
+        """
+        moved = self.frame.control_points - self.plan.control_points
+        return *self.sampling.points(self.frame.control_points), *self.sampling.points(moved)
+
 
 def strut_curves_steps(
     content: StrutCurves, name: str, collection: bpy.types.Collection, unit: float
@@ -145,7 +155,7 @@ def strut_curves_steps(
         yield
         for key, attribute in {**_own_attributes(content, unit), **content.attributes}.items():
             write_attribute(data, key, attribute)
-        yield
+            yield
         store_record(data, FrameRecord.of(content.frame, unit, content.strut))
         store_record(data, FrameRecord.of(content.plan, unit, content.strut), PLAN_KEY)
         yield
@@ -160,8 +170,7 @@ def strut_curves_steps(
 
 def _own_attributes(content: StrutCurves, unit: float) -> dict[str, Attribute]:
     frame, sampling = content.frame, content.sampling
-    point, reach = sampling.points(frame.control_points / unit)
-    moved, turned = sampling.points((frame.control_points - content.plan.control_points) / unit)
+    point, reach, moved, turned = (each / unit for each in content.points)
     free = np.full(len(point), FREE, dtype=np.int8)
     radius = frame.radius[sampling.strut] if content.radius is None else content.radius
     return {

@@ -20,6 +20,9 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.formats import frame_json
 
+PICTURE = "frametwin_picture"
+"""Custom property of a camera: the picture that was shown of it last, whatever lies over its view now."""
+
 
 def capture_parameters(
     real: ScenePrint,
@@ -73,7 +76,7 @@ def show_pictures(collection: bpy.types.Collection, capture: PathLike, *, opacit
         names = (obj.name, str(obj.get("frametwin", {}).get("name", "")))
         picture = next((pictures[name] for name in names if name in pictures), None)
         if picture is not None:
-            add_background(obj, picture, opacity=opacity, front=front)
+            obj[PICTURE] = add_background(obj, picture, opacity=opacity, front=front).image
             found += 1
     if not found:
         remedy = f"import the cameras of {capture}, or name them {', '.join(sorted(pictures)[:3])} ..."

@@ -1,0 +1,160 @@
+"""The panels in German and Japanese, through Blender's own catalogue: what has no entry here stays English.
+
+Words stand in a context of their own, in which Blender's catalogue has none: there, *Fast* is not fast in German.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import bpy
+
+CONTEXT = "FrameTwin"
+LANGUAGES = ("de_DE", "ja_JP")
+
+WORDS: dict[str, tuple[str, str]] = {
+    # panels
+    "Plan": ("Plan", "設計"),
+    "Deform": ("Verformen", "変形"),
+    "Cameras": ("Kameras", "カメラ"),
+    "Render": ("Rendern", "レンダー"),
+    "Fit": ("Anpassen", "当てはめ"),
+    "Twin": ("Zwilling", "ツイン"),
+    "Struts": ("Stäbe", "部材"),
+    "Adapt": ("Nachführen", "適応"),
+    "Print": ("Druck", "造形"),
+    # buttons
+    "Add": ("Hinzufügen", "追加"),
+    "Add Frame": ("Fachwerk hinzufügen", "フレームを追加"),
+    "By Hand": ("Von Hand", "手動"),
+    "Cancel": ("Abbrechen", "キャンセル"),
+    "Check Again": ("Erneut prüfen", "再チェック"),
+    "Dashes": ("Striche", "破線"),
+    "Difference": ("Unterschied", "差分"),
+    "Documentation": ("Dokumentation", "ドキュメント"),
+    "Exaggeration": ("Überhöhung", "誇張"),
+    "Export Adapted": ("Nachgeführte exportieren", "適応結果をエクスポート"),
+    "Export Twin": ("Zwilling exportieren", "ツインをエクスポート"),
+    "Fit and Adapt": ("Anpassen und nachführen", "当てはめて適応"),
+    "Import": ("Importieren", "インポート"),
+    "Import Run": ("Lauf importieren", "結果をインポート"),
+    "Inspect beside Picture": ("Neben dem Bild prüfen", "画像と並べて検査"),
+    "List Struts": ("Stäbe auflisten", "部材を一覧"),
+    "Look Through": ("Hindurchsehen", "カメラから見る"),
+    "Make Rig": ("Kameras aufstellen", "カメラを配置"),
+    "New Job": ("Neuer Auftrag", "新規ジョブ"),
+    "No Problems": ("Keine Mängel", "問題なし"),
+    "Open Capture": ("Aufnahme öffnen", "撮影データを開く"),
+    "Open Preferences": ("Einstellungen öffnen", "設定を開く"),
+    "Outline": ("Umriss", "輪郭"),
+    "Pick in View": ("In der Ansicht wählen", "ビューで選択"),
+    "Picture": ("Bild", "画像"),
+    "Planned": ("Geplant", "設計"),
+    "Adapted": ("Nachgeführt", "適応後"),
+    "Render Capture": ("Aufnahme rendern", "撮影をレンダー"),
+    "Replace Rig": ("Kameras ersetzen", "カメラを置き換え"),
+    "Report a Bug": ("Fehler melden", "バグを報告"),
+    "Select": ("Auswählen", "選択"),
+    "Show Job": ("Auftrag zeigen", "ジョブを表示"),
+    "Side by Side": ("Nebeneinander", "並べて表示"),
+    "Simulate Print": ("Druck simulieren", "造形をシミュレート"),
+    "Test": ("Testen", "テスト"),
+    "Use Millimetres": ("Millimeter verwenden", "ミリメートルを使用"),
+    "Use Selected": ("Auswahl verwenden", "選択物を使用"),
+    "Whole Twin": ("Ganzer Zwilling", "ツイン全体"),
+    "Worst": ("Schlechteste", "最悪"),
+    # settings
+    "Automatic Range": ("Automatischer Bereich", "自動範囲"),
+    "Batch": ("Abschnitt", "バッチ"),
+    "Batch Size": ("Abschnittsgröße", "バッチの大きさ"),
+    "Capture": ("Aufnahme", "撮影データ"),
+    "Colour by": ("Färben nach", "色分け"),
+    "Completeness": ("Vollständigkeit", "完全性"),
+    "Confidence": ("Sicherheit", "信頼度"),
+    "Displacement": ("Verschiebung", "変位"),
+    "Height mm": ("Höhe mm", "高さ mm"),
+    "High Angle": ("Oberer Winkel", "上の角度"),
+    "Job": ("Auftrag", "ジョブ"),
+    "Kind": ("Art", "種類"),
+    "Low Angle": ("Unterer Winkel", "下の角度"),
+    "Missing": ("Fehlend", "欠損"),
+    "Part Missing": ("Fehlender Teil", "欠損の割合"),
+    "Peak 7 %": ("Höchstens 7 %", "最大 7 %"),
+    "Peak mm": ("Höchstens mm", "最大 mm"),
+    "Pictures": ("Bilder", "画像"),
+    "Printed": ("Gedruckt", "造形済み"),
+    "Rig": ("Kameraaufbau", "カメラ配置"),
+    "Share": ("Anteil", "割合"),
+    "Simulate": ("Simulieren", "シミュレート"),
+    "Start at This Twin": ("Bei diesem Zwilling beginnen", "このツインから開始"),
+    "View Angle": ("Bildwinkel", "画角"),
+    "Width": ("Breite", "幅"),
+    "Height": ("Höhe", "高さ"),
+    "Distance": ("Abstand", "距離"),
+    "Folder": ("Ordner", "フォルダー"),
+    "Frame": ("Fachwerk", "フレーム"),
+    "High": ("Oben", "上限"),
+    "In Front": ("Davor", "最前面"),
+    "Legend": ("Legende", "凡例"),
+    "Low": ("Unten", "下限"),
+    "Opacity": ("Deckkraft", "不透明度"),
+    "Overlay": ("Überlagerung", "オーバーレイ"),
+    "Preset": ("Verfahren", "プリセット"),
+    "Samples": ("Abtastungen", "サンプル"),
+    "Seed": ("Startwert", "シード"),
+    "Sort by": ("Ordnen nach", "並べ替え"),
+    "Show": ("Zeigen", "表示"),
+    # choices
+    "All": ("Alles", "すべて"),
+    "All Struts": ("Alle Stäbe", "すべての部材"),
+    "As designed": ("Wie entworfen", "設計のまま"),
+    "Colour": ("Farbe", "色"),
+    "Compensated": ("Vorgehalten", "補償"),
+    "Dome": ("Kuppel", "ドーム"),
+    "Error": ("Fehler", "誤差"),
+    "Fast": ("Schnell", "高速"),
+    "Gravity sag": ("Durchhang", "自重によるたわみ"),
+    "Largest displacement": ("Größte Verschiebung", "最大変位"),
+    "Largest error": ("Größter Fehler", "最大誤差"),
+    "Masks": ("Masken", "マスク"),
+    "Number": ("Nummer", "番号"),
+    "Photos": ("Fotos", "写真"),
+    "Push at the top": ("Druck auf die Spitze", "上端の押し"),
+    "Ring": ("Ring", "リング"),
+    "Shift and turn": ("Verschoben und gedreht", "移動と回転"),
+    "Smooth warp": ("Sanft verzogen", "滑らかなゆがみ"),
+    "Standard deviation": ("Standardabweichung", "標準偏差"),
+    "Torn": ("Abgerissen", "剥離"),
+    "Torn ends": ("Abgerissene Enden", "剥離した端"),
+    "Uncertain": ("Unsicher", "不確か"),
+    "With and without": ("Mit und ohne", "適応あり・なし"),
+}
+"""English, German, Japanese."""
+
+
+def in_own_context(classes: Iterable[type]) -> None:
+    """Let the properties of classes that are still to be registered be translated in this context."""
+    for cls in classes:
+        for deferred in getattr(cls, "__annotations__", {}).values():
+            deferred.keywords.setdefault("translation_context", CONTEXT)
+
+
+def catalogue() -> dict[str, dict[tuple[str, str], str]]:
+    """As Blender wants it: of each language the words by context and English."""
+    return {
+        language: {(context, english): words[k] for english, words in WORDS.items() for context in (CONTEXT, "*")}
+        for k, language in enumerate(LANGUAGES)
+    }
+
+
+def register() -> None:
+    """Make the words known to Blender."""
+    bpy.app.translations.register(__package__, catalogue())
+
+
+def unregister() -> None:
+    """Take them away again."""
+    bpy.app.translations.unregister(__package__)
+
+
+CLASSES = ()
