@@ -36,8 +36,8 @@ from scripts.evidence.scenes import frame_files, whole_frame
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "Femur")
 WAYS: dict[str, dict[str, Any]] = {
     "plain": {"adapt": False},
-    "paper": {"anticipate": False, "reprint": True},
-    "adapted": {"reprint": True},
+    "paper": {"anticipate": False, "compensate": False, "reprint": True},
+    "adapted": {"compensate": False, "reprint": True},
     "compensated": {"reprint": True, "compensate": True},
 }
 """What each way changes in `PlanOptions`."""

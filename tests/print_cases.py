@@ -93,8 +93,9 @@ def take_with(folder: Path, real: Wireframe, cameras: tuple[Camera, ...], told: 
 
 
 def small_job(folder: Path, design: Wireframe, batch_size: int = 8, **options: object) -> PrintJob:
-    """A job for a small frame."""
-    return plan_job(folder, design, PlanOptions(batch_size=batch_size, allow_contact=True, **options))  # type: ignore[arg-type]
+    """A job for a small frame, which meets what stands and does not forecast, unless told so."""
+    wanted = {"batch_size": batch_size, "allow_contact": True, "compensate": False, **options}
+    return plan_job(folder, design, PlanOptions(**wanted))  # type: ignore[arg-type]
 
 
 def print_batch(job: PrintJob, real: LeaningPrint) -> Wireframe:

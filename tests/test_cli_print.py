@@ -103,7 +103,7 @@ def test_options_of_the_plan_arrive(frame: Path, tmp_path: Path) -> None:
     job = tmp_path / "job"
     base, box = "400,0,20,90", "300,-100,15,500,300,400"
     more = ("--base", base, "--workspace", box, "--formats", "gcode,compas", "--max-tilt", "0", "--speed", "3")
-    plan(frame, job, *more, "--tip-radius", "0.7", "--reprint", "--no-anticipate")
+    plan(frame, job, *more, "--tip-radius", "0.7", "--reprint", "--adapt", "paper")
     settings = read_json(job / "job.json")["settings"]
     robot = settings["robot"]
     assert settings["reprint"] and not settings["compensate"] and not settings["anticipate"]

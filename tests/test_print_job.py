@@ -18,7 +18,7 @@ from small_frames import tower
 
 from frametwin.errors import Held, InputError
 from frametwin.evaluation.evaluate import evaluate
-from frametwin.files import read_json
+from frametwin.files import read_json, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
@@ -156,8 +156,12 @@ def test_every_file_of_a_batch_is_there_and_readable(job: PrintJob, real: Leanin
     assert not any(path.name.endswith(".part") for path in job.folder.rglob("*"))
 
 
-def test_compensation_aims_what_is_to_come_above_where_it_sinks(tmp_path: Path) -> None:
-    job = small_job(tmp_path / "job", tower(3), batch_size=8, compensate=True)
+def test_compensation_of_older_jobs_aims_what_is_to_come_above_where_it_sinks(tmp_path: Path) -> None:
+    folder = small_job(tmp_path / "job", tower(3), batch_size=8, compensate=True).folder
+    planned = read_json(folder / "job.json")
+    del planned["settings"]["forecast"]  # as jobs were that were planned before there was another
+    write_json(folder / "job.json", planned)
+    job = PrintJob(folder)
     real = LeaningPrint(job.design, np.array([0.0, 0.0, -3.0]))
     advance(job, real, tmp_path, 2)
     plan = job.plan(2)

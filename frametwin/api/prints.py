@@ -163,7 +163,7 @@ def simulate_print(
     order, overwrite, progress
         See `plan_print`.
     **options
-        Further attributes of `PlanOptions`, such as ``compensate=True``.
+        Further attributes of `PlanOptions`, such as ``compensate=False``.
 
     Returns
     -------

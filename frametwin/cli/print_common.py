@@ -119,12 +119,26 @@ def loop_options(function: Function) -> Function:
     for option in reversed(
         (
             click.option(
-                "--anticipate/--no-anticipate",
-                default=True,
+                "--adapt",
+                "way",
+                type=click.Choice(WAYS),
+                default="forecast",
                 show_default=True,
-                help="Lay struts where their joints will be by then, by how they have moved, or where they were seen.",
+                help="Print against the drift that is still to come, or, as the paper does, meet what the twin saw.",
             ),
-            click.option("--compensate", is_flag=True, help="Print against the sag that is still to come."),
+            click.option(
+                "--anticipate/--no-anticipate",
+                default=None,
+                help="Lay struts where their joints will be by then, or where they were seen.  [default: as --adapt]",
+            ),
+            click.option(
+                "--compensate/--no-compensate",
+                default=None,
+                help="Print against the sag that is still to come.  [default: as --adapt]",
+            ),
+            click.option(
+                "--material", type=FOLDER, help="What an earlier job has learnt: that JOB, or its material.json."
+            ),
             click.option(
                 "--reprint/--no-reprint",
                 default=None,
@@ -134,6 +148,20 @@ def loop_options(function: Function) -> Function:
     ):
         function = option(function)
     return function
+
+
+WAYS = ("forecast", "paper")
+"""``paper`` is plain adaptation, which neither anticipates nor compensates."""
+
+
+def steering(way: str, anticipate: bool | None, compensate: bool | None, adapts: bool = True) -> dict[str, Any]:
+    """What the options of `loop_options` mean for a job."""
+    forecasts = adapts and way == "forecast"
+    return {
+        "adapt": adapts,
+        "anticipate": forecasts if anticipate is None else anticipate,
+        "compensate": forecasts if compensate is None else compensate,
+    }
 
 
 NOZZLE = ("tip_radius", "cone_length", "cone_radius", "body_radius")

@@ -19,7 +19,16 @@ from frametwin.cli.common import (
     quiet_option,
 )
 from frametwin.cli.display import Display
-from frametwin.cli.print_common import ROBOTS, Formats, Numbers, loop_options, order_options, read_base, split_nozzle
+from frametwin.cli.print_common import (
+    ROBOTS,
+    Formats,
+    Numbers,
+    loop_options,
+    order_options,
+    read_base,
+    split_nozzle,
+    steering,
+)
 
 
 @click.command("plan", short_help="Plan the order of a frame and write a job with its first batch.")
@@ -94,15 +103,17 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     from frametwin.printing.job.summaries import plan_summary
     from frametwin.printing.toolpath.ur_arms import ARMS
 
-    order, base = settings.pop("order"), read_base(settings.pop("base"))
+    order, material = settings.pop("order"), settings.pop("material")
+    steered = steering(*(settings.pop(name) for name in ("way", "anticipate", "compensate")))
+    base = read_base(settings.pop("base"))
     speed, reprint = settings.pop("speed"), bool(settings.pop("reprint"))
     waypoints = {} if speed is None else {"speed": speed}
     former = settings.pop("ur10e_tool")
     if former is not None:
         settings |= {"robot": settings["robot"] or "ur10e", "tool": former}
-    options = PlanOptions(**split_nozzle(settings), base=base, waypoints=waypoints, reprint=reprint)
+    options = PlanOptions(**split_nozzle(settings), **steered, base=base, waypoints=waypoints, reprint=reprint)
     with Display(quiet) as display:
-        job = plan_job(out, plan, options, order=order, overwrite=overwrite, progress=display)
+        job = plan_job(out, plan, options, order=order, material=material, overwrite=overwrite, progress=display)
     data = plan_summary(job)
     if as_json:
         print_json({"out": out, **data})

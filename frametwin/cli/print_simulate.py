@@ -22,7 +22,7 @@ from frametwin.cli.common import (
 )
 from frametwin.cli.display import Display
 from frametwin.cli.job_page import page_option, write_page
-from frametwin.cli.print_common import NOZZLE, accept_option, loop_options, order_options, split_nozzle
+from frametwin.cli.print_common import NOZZLE, accept_option, loop_options, order_options, split_nozzle, steering
 
 if TYPE_CHECKING:
     from frametwin.printing.simulation.simulate import SimulatedPrint
@@ -33,10 +33,8 @@ PICTURE = "print.png"
 @click.command("simulate", short_help="Print a frame without a robot, with or without adaptation.")
 @click.argument("frame")
 @click.option("--out", type=FOLDER, required=True, metavar="JOB", help="The job folder to write.")
-@click.option(
-    "--adapt/--no-adapt", default=True, show_default=True, help="Move what is still to come to meet the twin."
-)
 @loop_options
+@click.option("--no-adapt", "blind", is_flag=True, help="Print the design as it is, whatever happens.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of all that is left to chance.")
 @click.option(
     "--render",
@@ -79,9 +77,11 @@ class SimulateOptions:
 
     frame: str
     out: Path
-    adapt: bool
-    anticipate: bool
-    compensate: bool
+    way: str
+    blind: bool
+    anticipate: bool | None
+    compensate: bool | None
+    material: Path | None
     reprint: bool | None
     seed: int
     render: str
@@ -105,9 +105,10 @@ class SimulateOptions:
     @property
     def plan(self) -> dict[str, Any]:
         """Fields of `frametwin.printing.job.plan_job.PlanOptions`."""
-        names = ("adapt", "anticipate", "compensate", "batch_size", "max_tilt_deg", *NOZZLE)
-        reprint = self.adapt if self.reprint is None else self.reprint
+        names = ("batch_size", "max_tilt_deg", *NOZZLE)
+        reprint = not self.blind if self.reprint is None else self.reprint
         return {
+            **steering(self.way, self.anticipate, self.compensate, not self.blind),
             **split_nozzle({name: getattr(self, name) for name in names}),
             "reprint": reprint,
             "allow_contact": True,
@@ -136,6 +137,7 @@ def _simulate(options: SimulateOptions) -> None:
             frame,
             wanted,
             order=options.order,
+            material=options.material,
             overwrite=options.overwrite,
             renderer=blender_renderer(),
             progress=display,

@@ -22,7 +22,7 @@ SHARES = (0.25, 0.5, 1.0)
 CAMERA_SIZE = [3000, 4000]
 """Height and width of the pictures of the paper's real prints."""
 
-WAYS: dict[str, dict[str, Any]] = {"plain": {"adapt": False}, "adapted": {"reprint": True}}
+WAYS: dict[str, dict[str, Any]] = {"plain": {"adapt": False}, "adapted": {"reprint": True, "compensate": False}}
 """Of printing: changes of `PlanOptions`."""
 
 

@@ -99,7 +99,7 @@ class Anticipation:
 
     @classmethod
     def of(cls, plan: Wireframe, laying: PrintSequence, rate: np.ndarray | None) -> Anticipation:
-        """Apply a rate of drift to a batch; joints that are new in it drift with those that they hang on.
+        """Apply a rate of drift to a batch; joints that are new in it, and have none, drift with those they hang on.
 
         Parameters
         ----------
@@ -111,14 +111,15 @@ class Anticipation:
         since = np.zeros(plan.vertex_count)
         if rate is None:
             return cls(plan, laying, np.zeros_like(plan.vertices), since)
-        rate = np.array(rate)
+        rate, told = np.array(rate), rate.any(axis=1)
         there, struts = plan.printed_vertices() | plan.grounded, np.zeros(plan.vertex_count)
         for place, (start, end) in enumerate(zip(laying.start, laying.end_in(plan), strict=True)):
             if there[end]:
                 continue
             since[end] = since[end] if struts[end] else place + 0.5
             struts[end] += 1.0
-            rate[end] += (rate[start] - rate[end]) / struts[end]  # the mean over its struts
+            if not told[end]:
+                rate[end] += (rate[start] - rate[end]) / struts[end]  # the mean over its struts
         return cls(plan, laying, rate, since)
 
     def shift(self, laid: float) -> np.ndarray:

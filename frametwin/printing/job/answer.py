@@ -27,11 +27,14 @@ from frametwin.printing.adaptation.adapt import adapt, lost_struts
 from frametwin.printing.adaptation.batch_fit import BatchFit, cropped, fit_batch, pictures_through
 from frametwin.printing.adaptation.compensation import SagForecast, compensate
 from frametwin.printing.adaptation.evidence import Evidence
+from frametwin.printing.adaptation.material_file import NAME as MATERIAL
+from frametwin.printing.adaptation.material_file import write_material
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import guards
 from frametwin.printing.job import job_files as files
 from frametwin.printing.job.batch_capture import BatchCapture, take_capture
+from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.guards import Expectation, hold
 from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.job.next_batch import NextBatch
@@ -113,7 +116,7 @@ class AnsweredStep:
     expected: Expectation
     earlier: Mapping[int, Mapping[str, str]]
     before: np.ndarray
-    forecast: SagForecast | None = None
+    forecast: SagForecast | CreepForecast | None = None
     seen: Sequence[Observation] = ()
 
 
@@ -131,12 +134,15 @@ class Continuation:
         Struts that are laid once more, at the start of the next batch.
     seen
         How far joints drifted in this batch and in those before; nothing where the job does not adapt.
+    forecast
+        What the twins so far tell of the print, where the job follows its creep.
     """
 
     adapted: Wireframe
     sequence: PrintSequence
     again: np.ndarray
     seen: Sequence[Observation] = ()
+    forecast: CreepForecast | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +215,7 @@ def answer_batch(
     if following >= going.sequence.batch_count:
         return None
     contact = bool(content["contact"])
-    return NextBatch.after(going.adapted, going.sequence, following, going.seen, step.settings, contact)
+    return NextBatch.after(going.adapted, going.sequence, following, going.seen, step.settings, contact, going.forecast)
 
 
 def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progress: ProgressCallback | None) -> _Found:
@@ -285,17 +291,26 @@ def _continuation(step: AnsweredStep, found: _Found | None, options: AnswerOptio
         sequence = laid_again(sequence, again, batch)
     frame, laid = step.expected.frame, len(step.expected.laid)
     seen = (*step.seen, Observation.of(batch, frame, found.fit.result.twin, before=step.before, struts=laid))
-    adapted = _compensated(step, found, seen)
+    adapted, forecast = _compensated(step, found, seen, sequence)
     # Where a strut is to be laid again from the plate, the plate has not moved.
-    return Continuation(feet_on_plate(adapted, step.design, ~adapted.printed_vertices()), sequence, again, seen)
+    adapted = feet_on_plate(adapted, step.design, ~adapted.printed_vertices())
+    if forecast is not None and step.settings.resize and batch + 1 < sequence.batch_count:
+        sequence = forecast.following(adapted).resized(sequence, batch + 1)
+    return Continuation(adapted, sequence, again, seen, forecast)
 
 
-def _compensated(step: AnsweredStep, found: _Found, seen: Sequence[Observation]) -> Wireframe:
+def _compensated(
+    step: AnsweredStep, found: _Found, seen: Sequence[Observation], sequence: PrintSequence
+) -> tuple[Wireframe, CreepForecast | None]:
     """The adapted plan, what is still to come being aimed against the sag still to come where that is wanted."""
     if step.forecast is None:
-        return found.adapted
+        return found.adapted, None
+    batch = step.expected.batch
+    if isinstance(step.forecast, CreepForecast):
+        forecast = step.forecast.answered(step.expected.sequence.in_batch(batch), seen[-1], found.adapted)
+        return forecast.aimed(sequence, batch + 1, step.expected.frame.vertices), forecast
     known = [one for one in seen if one.batch < len(step.forecast.drift)]  # struts may be laid again in one more
-    return compensate(found.adapted, step.design, step.forecast.remaining_drift(known, step.expected.batch + 1))
+    return compensate(found.adapted, step.design, step.forecast.remaining_drift(known, batch + 1)), None
 
 
 def _doubts(step: AnsweredStep, found: _Found, going: Continuation) -> list[Doubt]:
@@ -328,6 +343,10 @@ def _write(
     if taken is not None and found is not None:
         write_run(stage / files.RUN, found.fit.result, taken.capture)
     frame_json.write(stage / files.ADAPTED, going.adapted)
+    if going.forecast is not None:
+        fit = going.forecast.fit
+        learnt = dataclasses.replace(fit.estimate, prints=fit.prints + 1)
+        write_material(stage / MATERIAL, learnt, {"trust": fit.trust})
     if going.sequence is not step.expected.sequence:
         write_sequence(stage / files.SEQUENCE, going.sequence)
 

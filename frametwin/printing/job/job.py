@@ -24,10 +24,13 @@ from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.anticipation import HISTORY, Anticipation
 from frametwin.printing.adaptation.compensation import SagForecast
+from frametwin.printing.adaptation.material_file import read_material, write_material
+from frametwin.printing.adaptation.material_fit import MaterialEstimate
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import job_files as files
 from frametwin.printing.job.answer import AnsweredStep, AnswerOptions, answer_batch
+from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.guards import Expectation
 from frametwin.printing.job.job_files import JobFile, JobSettings
 from frametwin.printing.job.next_batch import NextBatch, write_batch
@@ -84,6 +87,7 @@ class PrintJob:
         self.design: Wireframe = frame_json.read(self.folder / files.DESIGN)
         self._first_sequence: PrintSequence = read_sequence(self.folder / files.SEQUENCE)
         self._first_sequence.end_in(self.design)
+        self._forecasts: dict[int, CreepForecast] = {}
         self._observed: dict[int, Observation] = {}
 
     @classmethod
@@ -95,8 +99,11 @@ class PrintJob:
         settings: JobSettings,
         notes: Mapping[str, Mapping[str, Any]] | None = None,
         overwrite: bool = False,
+        material: MaterialEstimate | None = None,
     ) -> PrintJob:
         """Write a new job with the waypoints of its first batch, whole or not at all; ``notes`` are more files by name.
+
+        ``material`` is what earlier prints tell of it.
 
         Raises
         ------
@@ -110,11 +117,13 @@ class PrintJob:
             frame_json.write(stage / files.DESIGN, plan.replace(printed=[True] * design.strut_count))
             write_sequence(stage / files.SEQUENCE, sequence)
             files.write_job_file(stage, design.name, design.strut_count, sequence.batch_count, settings)
+            if material is not None:
+                write_material(stage / files.KNOWN_MATERIAL, material)
             for name, note in (notes or {}).items():
                 write_json(stage / name, note)
             first = _batch_folder(stage, 0)
             first.mkdir(parents=True)
-            write_batch(first, NextBatch(0, plan, sequence), settings, design)
+            write_batch(first, _first_batch(design, sequence, settings, material), settings, design)
         return cls(folder)
 
     @property
@@ -251,6 +260,7 @@ class PrintJob:
                         write_batch(following, going, self.settings, self.design)
                 report(progress, Progress("writing", 1, 1))  # the last moment at which nothing is done yet
                 self._commit(batch, stage, following)
+                self._forecasts = {} if going is None or going.forecast is None else {batch + 1: going.forecast}
             except BaseException:
                 for folder in (stage, following):
                     shutil.rmtree(folder, ignore_errors=True)
@@ -271,12 +281,30 @@ class PrintJob:
             self._expectation(batch, ahead),
             earlier,
             before=ahead.plan.vertices,
-            forecast=self._forecast if compensates else None,
-            seen=self._seen_before(batch, batch if compensates else HISTORY),
+            forecast=self._forecast_before(batch) if compensates else None,
+            seen=self._seen_before(batch, batch if compensates and self.settings.forecast == "linear" else HISTORY),
         )
 
+    def _forecast_before(self, batch: int) -> SagForecast | CreepForecast:
+        return self._linear_forecast if self.settings.forecast == "linear" else self._creep_forecast(batch)
+
+    def _creep_forecast(self, batch: int) -> CreepForecast:
+        """The forecast before a batch: the last one, or what the batches before it come to, gone through anew."""
+        known = max((k for k in self._forecasts if k <= batch), default=0)
+        if known == 0:
+            path = self.folder / files.KNOWN_MATERIAL
+            forecast = CreepForecast.start(self.design, read_material(path) if path.is_file() else None)
+        else:
+            forecast = self._forecasts[known]
+        for k in range(known, batch):
+            laying = self.sequence_at(k).in_batch(k)
+            forecast = forecast.following(self.plan(k)).answered(laying, self._observation(k), self.adapted(k))
+        forecast = forecast.following(self.plan(batch)) if self.batch_folder(batch).is_dir() else forecast
+        self._forecasts = {batch: forecast}
+        return forecast
+
     @cached_property
-    def _forecast(self) -> SagForecast:
+    def _linear_forecast(self) -> SagForecast:
         return SagForecast.build(self.design, self._first_sequence)
 
     def _seen_before(self, batch: int, most: int) -> list[Observation]:
@@ -321,7 +349,10 @@ class PrintJob:
         stage.mkdir()
         contact = bool(self.report(batch - 1)["contact"])
         adapted, sequence = self.adapted(batch - 1), self.sequence_at(batch)
-        going = NextBatch.after(adapted, sequence, batch, self._seen_before(batch, HISTORY), self.settings, contact)
+        creeps = self.settings.compensate and self.settings.forecast == "creep"
+        forecast = self._creep_forecast(batch) if creeps else None
+        seen = self._seen_before(batch, HISTORY)
+        going = NextBatch.after(adapted, sequence, batch, seen, self.settings, contact, forecast)
         write_batch(stage, going, self.settings, self.design)
         os.rename(stage, self.batch_folder(batch))
 
@@ -337,6 +368,17 @@ class PrintJob:
     @cached_property
     def _lock(self) -> FileLock:
         return FileLock(self.folder / files.LOCK)
+
+
+def _first_batch(
+    design: Wireframe, sequence: PrintSequence, settings: JobSettings, material: MaterialEstimate | None
+) -> NextBatch:
+    """The first batch; aimed already where earlier prints tell how the material creeps."""
+    plan = design.replace(printed=[False] * design.strut_count)
+    if material is None or not (settings.compensate and settings.forecast == "creep"):
+        return NextBatch(0, plan, sequence)
+    forecast = CreepForecast.start(design, material)
+    return NextBatch.after(forecast.aimed(sequence, 0), sequence, 0, (), settings, False, forecast)
 
 
 def _batch_folder(folder: Path, batch: int) -> Path:

@@ -6,6 +6,7 @@
       job.json          settings, and hashes of the two files below
       design.json       the frame as designed; never changes
       sequence.json     the order of its struts
+      known.json        what earlier prints tell of the material, if given
       batches/003/
         plan.json       the plan that the robot follows, with what was printed before; written with
         drift.json      how the print is expected to move meanwhile, if it does, and
@@ -13,6 +14,7 @@
         capture/        a copy of the pictures taken afterwards; written with
         run/            the twin and its field, relative to the plan,
         adapted.json    the plan for what follows,
+        material.json   what the print tells of its material so far, where it is aimed by a forecast,
         sequence.json   the order in which it goes on, where struts are laid again, and
         report.json     which says that the batch has been answered
 """
@@ -46,6 +48,8 @@ JOB, DESIGN, SEQUENCE = "job.json", "design.json", "sequence.json"
 BATCHES = "batches"
 PLAN, DRIFT, WAYPOINTS = "plan.json", "drift.json", "waypoints"
 CAPTURE, RUN, ADAPTED, REPORT = "capture", "run", "adapted.json", "report.json"
+KNOWN_MATERIAL = "known.json"
+FORECASTS = ("creep", "linear")
 LOCK = ".lock"
 
 
@@ -64,8 +68,14 @@ class JobSettings:
         last twin saw them.
     compensate
         Print against the sag that is still to come.
+    forecast
+        What tells that sag: ``creep`` follows the print with a model of its creep that learns from every twin
+        (`frametwin.printing.adaptation.aiming`); ``linear`` is that of older jobs
+        (`frametwin.printing.adaptation.compensation`).
     reprint
         Lay lost struts again at the start of the next batch.
+    resize
+        Where a forecast is trusted, give each batch as many struts as suit the drift that is expected while it is laid.
     cameras
         One of `CAMERAS`: ``auto`` finds cameras along with each batch, within the errors of their rig, where the
         pictures ask for it; ``exact`` takes them as they are.
@@ -82,7 +92,9 @@ class JobSettings:
     adapt: bool = True
     anticipate: bool = False
     compensate: bool = False
+    forecast: Annotated[str, one_of(FORECASTS)] = "creep"
     reprint: bool = False
+    resize: bool = False
     cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     limits: GuardLimits = field(default_factory=GuardLimits)
 
@@ -106,7 +118,8 @@ class JobSettings:
         InputError
             If a setting is missing, unknown or of another kind.
         """
-        data = {"anticipate": False, "cameras": "exact", **data}  # planned before there were those choices
+        # Jobs that were planned before there were these choices do what they did then.
+        data = {"anticipate": False, "cameras": "exact", "forecast": "linear", "resize": False, **data}
         missing = [item.name for item in fields(cls) if item.name not in data]
         if missing:
             raise InputError.at(source, f"settings.{missing[0]}", "is missing", "plan the job again")

@@ -13,6 +13,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.anticipation import drift_rate
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.job import job_files as files
+from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.toolpath.robot_files import write_robot_files
@@ -34,6 +35,8 @@ class NextBatch:
         Touching printed struts has been accepted.
     rate : (V, 3) array, mm, optional
         Drift that is expected of the joints with each strut that is laid; see `drift_rate`.
+    forecast
+        Of jobs that aim by one.
     """
 
     batch: int
@@ -41,6 +44,7 @@ class NextBatch:
     sequence: PrintSequence
     contact: bool = False
     rate: np.ndarray | None = None
+    forecast: CreepForecast | None = None
 
     @classmethod
     def after(
@@ -51,6 +55,7 @@ class NextBatch:
         seen: Sequence[Observation],
         settings: JobSettings,
         contact: bool,
+        forecast: CreepForecast | None = None,
     ) -> NextBatch:
         """What follows an answer.
 
@@ -66,9 +71,17 @@ class NextBatch:
             Of the job.
         contact
             Touching printed struts has been accepted.
+        forecast
+            Of jobs that aim by one; see `JobSettings.forecast`.
         """
-        rate = drift_rate(seen) if settings.anticipate else None
-        return cls(batch, adapted, sequence, contact, rate)
+        if not settings.anticipate:
+            return cls(batch, adapted, sequence, contact, forecast=forecast)
+        rate = None if forecast is None else forecast.following(adapted).drift(sequence.in_batch(batch))
+        if rate is None and (rate := drift_rate(seen)) is not None:
+            rate[~(adapted.printed_vertices() | adapted.grounded)] = (
+                0.0  # what is laid again drifts like its neighbours
+            )
+        return cls(batch, adapted, sequence, contact, rate, forecast)
 
 
 def write_batch(folder: Path, going: NextBatch, settings: JobSettings, design: Wireframe) -> None:

@@ -9,9 +9,14 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.material_file import for_next_print, read_material
+from frametwin.printing.adaptation.material_fit import MaterialEstimate
+from frametwin.printing.adaptation.printability import first_fall
+from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
@@ -39,7 +44,8 @@ class PlanOptions:
     Attributes
     ----------
     batch_size
-        Struts between two looks of the cameras, about; ``None`` for a twentieth of all, from 4 to 12.
+        Struts between two looks of the cameras, about; ``None`` for a twentieth of all, from 4 to 12, and for more or
+        fewer where a forecast of the print tells that these suit its drift.
     max_tilt_deg
         How far the tool may lean; 0 for machines of three axes.
     allow_contact
@@ -60,7 +66,8 @@ class PlanOptions:
     robot, tool
         The arm, and the length of its tool in mm; see `frametwin.printing.toolpath.robot_files.RobotSettings`.
     adapt, anticipate, compensate, reprint, cameras
-        See `JobSettings`; a job that does not adapt does not anticipate either.
+        See `JobSettings`; a job that does not adapt does not anticipate
+        or compensate either.
     limits
         When the job stops.
     seed
@@ -85,7 +92,7 @@ class PlanOptions:
     tool: ToolLength | None = None
     adapt: bool = True
     anticipate: bool = True
-    compensate: bool = False
+    compensate: bool = True
     reprint: bool = False
     cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     limits: GuardLimits = GuardLimits()
@@ -119,8 +126,9 @@ class PlanOptions:
             robot=RobotSettings(self.place(frame), waypoints, tuple(self.formats), self.robot, self.tool),
             adapt=self.adapt,
             anticipate=self.adapt and self.anticipate,
-            compensate=self.compensate,
+            compensate=self.adapt and self.compensate,
             reprint=self.reprint,
+            resize=self.batch_size is None,
             cameras=self.cameras,
             limits=self.limits,
         )
@@ -146,6 +154,7 @@ def plan_job(
     options: PlanOptions | None = None,
     *,
     order: PathLike | None = None,
+    material: PathLike | None = None,
     overwrite: bool = False,
     notes: Mapping[str, Mapping[str, Any]] | None = None,
     progress: ProgressCallback | None = None,
@@ -162,6 +171,8 @@ def plan_job(
         See `PlanOptions`.
     order
         A file with an order to keep; see `frametwin.printing.sequencing.given_order`.
+    material
+        What an earlier job has learnt of the material: that job, or its ``material.json``.
     overwrite
         Replace a job that is in the folder.
     notes
@@ -172,16 +183,35 @@ def plan_job(
     Raises
     ------
     InputError
-        If the frame cannot be printed, something is outside of the workspace, or the folder cannot be written.
+        If the frame cannot be printed, or would not stand by what is known of its material, something is outside of the
+        workspace, or the folder cannot be written.
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
+    known = None if material is None else for_next_print(read_material(material))
     ordering = options.order(frame)
     settings = options.job(frame, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
     cut = order is None or options.batch_size is not None
     sequence = plan_order(frame, ordering, order, cut, progress)
+    if known is not None:
+        require_standing(frame, sequence, known)
     report(progress, Progress("writing", 0, 1))
-    return PrintJob.create(folder, frame, sequence, settings, notes, overwrite)
+    return PrintJob.create(folder, frame, sequence, settings, notes, overwrite, known)
+
+
+def require_standing(frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate) -> None:
+    """Refuse a print of which a known material tells that it will not stand.
+
+    Raises
+    ------
+    InputError
+        The sentence names the strut, the reason, and what would help.
+    """
+    fit = CreepForecast.start(frame, material).fit
+    batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
+    fall = first_fall(fit, frame, batches)
+    if fall is not None:
+        raise InputError.at(frame.name, "material", fall.problem, fall.remedy)
 
 
 def plan_order(

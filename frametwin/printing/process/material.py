@@ -7,7 +7,7 @@ be bent far (M. Bergou, B. Audoly et al., "Discrete viscous threads", ACM TOG 29
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -65,6 +65,9 @@ class PrintSettings:
         struts stand after a batch than before it.
     pieces
         Straight beams along a bent strut.
+    variation
+        Share by which ``flow``, ``hardening``, ``rest`` and ``axial`` differ at most from print to print, each drawn
+        evenly by the seed: another spool, another room.
 
     Raises
     ------
@@ -94,9 +97,20 @@ class PrintSettings:
     tear_stretch: Annotated[float, above(0.0)] = 0.25
     collapse_share: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 0.05
     pieces: Annotated[int, within(1, 1000)] = 2
+    variation: Annotated[float, at_least(0.0, below=1.0, noun="a share")] = 0.0
 
     def __post_init__(self) -> None:
         check_settings(self)
+
+    def of_print(self, seed: int) -> PrintSettings:
+        """The settings of the print of this seed, with what varies from print to print."""
+        if self.variation == 0.0:
+            return self
+        low, high = 1.0 - self.variation, 1.0 + self.variation
+        factors = np.random.default_rng(np.random.SeedSequence([seed, 1])).uniform(low, high, size=4)
+        names = ("flow", "hardening", "rest", "axial")
+        drawn = {name: getattr(self, name) * float(factor) for name, factor in zip(names, factors, strict=True)}
+        return replace(self, **{**drawn, "axial": min(1.0, drawn["axial"])}, variation=0.0)
 
     def flowed(self, young: np.ndarray, old: np.ndarray) -> np.ndarray:
         """How far struts flow between two ages (N,) in s, in multiples of how far they would bend at once when hard.

@@ -68,6 +68,7 @@ class GrowingPrint:
             variation = ProcessVariation.draw(design.strut_count, self.settings, seed)
         self.variation = variation
         self.scale = weight_scale(design, sequence, self.settings) if scale is None else scale
+        self.settings = self.settings.of_print(seed)
         self.outcomes: list[BatchOutcome] = []
         self.clock = 0.0
         struts, joints = design.strut_count, design.vertex_count

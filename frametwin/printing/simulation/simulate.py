@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from frametwin.capture.image_files import write_png
 from frametwin.errors import Held, InputError
@@ -128,6 +129,7 @@ def simulate_print(
     options: SimulationOptions | None = None,
     *,
     order: PathLike | None = None,
+    material: PathLike | None = None,
     overwrite: bool = False,
     renderer: Renderer | None = None,
     progress: ProgressCallback | None = None,
@@ -145,7 +147,7 @@ def simulate_print(
         The design.
     options
         See `SimulationOptions`.
-    order
+    order, material
         See `plan_job`.
     overwrite
         Replace a job that is in the folder.
@@ -164,9 +166,24 @@ def simulate_print(
     options = SimulationOptions() if options is None else options
     options.rig.require(renderer)
     options.answer  # noqa: B018  refuses unknown names before anything is done
-    job = _job_in(Path(folder), frame, options, order, overwrite, progress)
+    job = _job_in(Path(folder), frame, options, order, material, overwrite, progress)
     grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed)
-    held: Held | None = None
+    # The matrices are small: threads of the linear algebra would wait for each other.
+    with threadpool_limits(limits=1, user_api="blas"):
+        held = _go_on(job, grown, options, renderer, progress)
+    seconds = [job.report(batch)["seconds"] for batch in range(job.answered)]
+    twin = tuple(float(item["total"]) if "twin" in item else 0.0 for item in seconds)
+    return SimulatedPrint(job, grown.report(), grown.standing(), tuple(grown.outcomes), twin, held)
+
+
+def _go_on(
+    job: PrintJob,
+    grown: GrowingPrint,
+    options: SimulationOptions,
+    renderer: Renderer | None,
+    progress: ProgressCallback | None,
+) -> Held | None:
+    """Print what is left of the job, after what was printed before; why it was held, if it was."""
     for earlier in range(job.answered):
         _lay(grown, job, earlier)
     while (batch := job.current) is not None and not grown.collapsed:
@@ -175,11 +192,8 @@ def simulate_print(
         try:
             _answer(job, grown, outcome, options, renderer, progress)
         except Held as error:
-            held = error
-            break
-    seconds = [job.report(batch)["seconds"] for batch in range(job.answered)]
-    twin = tuple(float(item["total"]) if "twin" in item else 0.0 for item in seconds)
-    return SimulatedPrint(job, grown.report(), grown.standing(), tuple(grown.outcomes), twin, held)
+            return error
+    return None
 
 
 def _job_in(
@@ -187,6 +201,7 @@ def _job_in(
     frame: Wireframe,
     options: SimulationOptions,
     order: PathLike | None,
+    material: PathLike | None,
     overwrite: bool,
     progress: ProgressCallback | None,
 ) -> PrintJob:
@@ -195,7 +210,16 @@ def _job_in(
     notes = {"format": FORMAT, "version": VERSION, "order": digest, "options": options.as_dict()}
     if not (folder / SETTINGS).is_file() or overwrite:
         extra = {SETTINGS: notes}
-        return plan_job(folder, frame, options.plan, order=order, overwrite=overwrite, notes=extra, progress=progress)
+        return plan_job(
+            folder,
+            frame,
+            options.plan,
+            order=order,
+            material=material,
+            overwrite=overwrite,
+            notes=extra,
+            progress=progress,
+        )
     job = PrintJob(folder)
     design = frame.replace(printed=np.ones(frame.strut_count, dtype=bool))
     same = frame_json.to_dict(job.design), read_json(folder / SETTINGS)
@@ -228,8 +252,8 @@ def _answer(
         capture = scratch / f"batch_{outcome.batch:03d}"
         cameras = options.rig.cameras(job.design)
         try:
-            seed = options.seed + outcome.batch
-            if not options.rig.take(capture, grown.standing(), cameras, seed, renderer, progress):
+            seed, told = options.seed + outcome.batch, options.rig.told(cameras, options.seed)
+            if not options.rig.take(capture, grown.standing(), cameras, seed, renderer, progress, told):
                 raise Held.at(f"batch {outcome.batch}", "pictures", "nothing stands any more", "print it again")
             job.answer(capture, answer, progress)
         except Held:

@@ -1,0 +1,120 @@
+"""Whether a frame will stand while it is printed, told before the robot moves.
+
+The print is computed as it is planned, with what is known of the material. Where a strut would turn or stretch further
+than its joints bear before the next ones hold it, the frame cannot be printed like that; what would help is found by
+computing the print once more with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.material_fit import MaterialFit
+from frametwin.printing.process.creep import PrintState
+
+MOST_TURN, MOST_STRETCH = 30.0, 0.2
+"""Degrees and share by which a strut may turn, and grow or shrink, after it was laid. Simulated joints tear at 45 and
+0.25; the forecast is an estimate."""
+
+COOLING = 0.5
+"""Share of the flow that is left with strong cooling, or at half the speed: hardening takes half as long."""
+
+
+@dataclass(frozen=True)
+class Fall:
+    """The first strut of a planned print that would not hold.
+
+    Attributes
+    ----------
+    strut, batch
+        Which, and while which batch is laid.
+    reason
+        ``"buckling"`` where it gives way under what it carries, ``"sag"`` where it goes down by its own weight.
+    moved
+        How far its end that moves most has gone by then, in mm.
+    remedy
+        What would help, in words.
+    """
+
+    strut: int
+    batch: int
+    reason: str
+    moved: float
+    remedy: str
+
+    @property
+    def problem(self) -> str:
+        """In words, for a sentence that begins with the frame."""
+        way = "would buckle under what it carries" if self.reason == "buckling" else "would sag away"
+        return f"cannot be printed like that: strut {self.strut} {way}, by {self.moved:.0f} mm in batch {self.batch}"
+
+
+def first_fall(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray]) -> Fall | None:
+    """Find the first strut that would not hold while a plan is printed; ``None`` if all do.
+
+    Parameters
+    ----------
+    fit
+        What is known of the material.
+    plan
+        As the robot will follow it, nothing being printed yet.
+    batches
+        Struts of each batch, in order.
+    """
+    found = _fall(fit, plan, plan.grounded, batches, 1.0)
+    if found is None:
+        return None
+    strut, batch, joint, movement = found
+    moved = float(np.linalg.norm(movement))
+    reason = "buckling" if -movement[2] < 0.5 * moved else "sag"
+    most = float(plan.lengths[strut])  # linear beams that fall go anywhere
+    return Fall(strut, batch, reason, min(moved, most), _remedy(fit, plan, batches, joint))
+
+
+def _remedy(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray], joint: int) -> str:
+    """What would let the print stand: cooling, a prop, both, or neither."""
+    cool = "print at half the speed, or cool so that struts harden in half the time"
+    held = plan.grounded.copy()
+    held[joint] = True
+    prop = f"put a temporary prop under joint {joint}"
+    if _fall(fit, plan, plan.grounded, batches, COOLING) is None:
+        return cool
+    if _fall(fit, plan, held, batches, 1.0) is None:
+        return prop
+    if _fall(fit, plan, held, batches, COOLING) is None:
+        return f"{cool}, and {prop}"
+    return "take thicker or shorter struts there, or print the frame in parts"
+
+
+def _fall(
+    fit: MaterialFit, plan: Wireframe, held: np.ndarray, batches: Sequence[np.ndarray], flow: float
+) -> tuple[int, int, int, np.ndarray] | None:
+    """The first strut that turns or stretches too far, the batch, its joint that moves most, and that movement (3,)."""
+    model = replace(fit.model, design=fit.model.design.replace(grounded=held))
+    parameters = replace(fit.parameters, weight=fit.parameters.weight * flow)
+    count = plan.strut_count
+    state = PrintState.before(plan.replace(printed=[False] * count, grounded=held), np.zeros(count), 0.0)
+    chords = plan.vertices[plan.edges[:, 1]] - plan.vertices[plan.edges[:, 0]]
+    laid_as = chords.copy()
+    for batch, struts in enumerate(batches):
+        now = state.points[plan.edges[struts]]
+        laid_as[struts] = now[:, 1] - now[:, 0]
+        state = model.after(state, struts, parameters)
+        chord = state.points[plan.edges[:, 1]] - state.points[plan.edges[:, 0]]
+        turn = np.degrees(
+            np.arctan2(np.linalg.norm(np.cross(laid_as, chord), axis=1), np.einsum("ex,ex->e", laid_as, chord))
+        )
+        stretch = np.abs(np.linalg.norm(chord, axis=1) / np.linalg.norm(laid_as, axis=1) - 1.0)
+        share = np.where(state.laid, np.maximum(turn / MOST_TURN, stretch / MOST_STRETCH), 0.0)
+        share[~np.isfinite(share)] = np.inf
+        if share.max() > 1.0:
+            strut = int(np.argmax(share))
+            ends = plan.edges[strut]
+            moved = state.points[ends] - plan.vertices[ends]
+            far = int(np.argmax(np.linalg.norm(moved, axis=1)))
+            return strut, batch, int(ends[far]), moved[far]
+    return None

@@ -1,0 +1,110 @@
+"""What a job expects of its own print: the fit of its material, and the state in which the print is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.aiming import aimed, expected_drift
+from frametwin.printing.adaptation.material_fit import BatchRecord, MaterialEstimate, MaterialFit
+from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.process.creep import CreepModel, PrintState
+from frametwin.printing.process.material import PrintSettings
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.resizing import resized, suitable_size
+
+LEAST_TRUST = 0.5
+"""Forecasts of the next batch that are trusted less are left to `frametwin.printing.adaptation.anticipation`."""
+
+
+@dataclass(frozen=True, eq=False)
+class CreepForecast:
+    """A print between two batches.
+
+    Attributes
+    ----------
+    fit
+        What the twins so far tell of the material.
+    plan
+        What the robot follows in the batch that comes, ``printed`` marking what stands.
+    laid_at : (E,) array, s
+        When each strut was laid, at the pace of the model.
+    clock
+        Seconds since the print began.
+    """
+
+    fit: MaterialFit
+    plan: Wireframe
+    laid_at: np.ndarray
+    clock: float = 0.0
+
+    @classmethod
+    def start(cls, design: Wireframe, known: MaterialEstimate | None = None) -> CreepForecast:
+        """Before the first batch."""
+        fit = MaterialFit.start(CreepModel(design, PrintSettings()), known)
+        return cls(fit, design.replace(printed=[False] * design.strut_count), np.zeros(design.strut_count))
+
+    @property
+    def design(self) -> Wireframe:
+        """Where the finished frame shall be."""
+        return self.fit.model.design
+
+    def following(self, plan: Wireframe) -> CreepForecast:
+        """With the plan that is really followed in the batch that comes."""
+        return replace(self, plan=plan)
+
+    def answered(self, laying: PrintSequence, seen: Observation, adapted: Wireframe) -> CreepForecast:
+        """After a batch.
+
+        Parameters
+        ----------
+        laying
+            The batch.
+        seen
+            What the twin saw move.
+        adapted
+            The plan that meets it, ``printed`` marking what stands.
+        """
+        state = PrintState.before(self.plan, self.laid_at, self.clock)
+        struts = laying.struts[adapted.printed[laying.struts]]
+        fit = self.fit.updated(BatchRecord(state, struts, np.array(adapted.printed), seen.drift, seen.known))
+        model = fit.model
+        then = state.with_struts(laying.struts, self.design.edges, model.seconds, model.settings.pause)
+        return replace(self, fit=fit, plan=adapted, laid_at=then.laid_at, clock=then.clock)
+
+    def aimed(self, sequence: PrintSequence, batch: int, targets: np.ndarray | None = None) -> Wireframe:
+        """The plan with what is laid from a batch on aimed so that it ends where the design has it.
+
+        Parameters
+        ----------
+        sequence
+            The order.
+        batch
+            The next one.
+        targets : (V, 3) array, mm, optional
+            Where joints that are still to come were aimed before; the design by default.
+        """
+        state = PrintState.before(self.plan, self.laid_at, self.clock)
+        batches = [sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)]
+        start = self.design.vertices if targets is None else targets
+        return aimed(self.design, self.plan, start, self.fit, state, batches)
+
+    def resized(self, sequence: PrintSequence, batch: int) -> PrintSequence:
+        """The order with as many struts in a batch as suit the drift that is expected while it is laid."""
+        laying = sequence.in_batch(batch)
+        rate = self.drift(laying)
+        if rate is None:
+            return sequence
+        there = self.plan.printed_vertices()[laying.start]
+        fastest = float(np.linalg.norm(rate[laying.start[there]], axis=1).max(initial=0.0))
+        bead = 2.0 * self.fit.model.settings.bead * float(self.design.radius[laying.struts].min())
+        return resized(sequence, batch, suitable_size(len(laying), fastest / bead))
+
+    def drift(self, laying: PrintSequence) -> np.ndarray | None:
+        """(V, 3) array, mm: expected drift with each strut of the batch; ``None`` where that cannot be told."""
+        if self.fit.trust < LEAST_TRUST:
+            return None
+        state = PrintState.before(self.plan, self.laid_at, self.clock)
+        return expected_drift(self.plan, self.fit, state, laying.struts)

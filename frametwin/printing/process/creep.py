@@ -1,0 +1,241 @@
+"""How the joints of a growing print move while its struts creep: beams between joints, a batch at a time.
+
+This is the model that the job has of its own print, coarser than the simulated one: struts are straight between their
+joints, rotations are small within a batch, and nothing tears. Its parameters are what a material is: see
+`CreepParameters`. A slow viscous thread moves as fast as an elastic beam of the same section is bent far (the analogy
+of Stokes and Rayleigh), and a batch in which nothing is moved by much is one linear problem, on the shape that the
+print has by then: so a print that leans is loaded as one that leans.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import SuperLU
+
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.beams import Sections, element_loads, element_stiffness, factorise
+from frametwin.printing.process.calibration import LEAST_FLOW
+from frametwin.printing.process.material import PrintSettings
+
+BUBBLE = 3.0 / 14.0 / 3.0 / 24.0
+"""An even load q bows a clamped beam by q L^4 / (24 E I) (x (1 - x))^2. The parabola nearest to that, 3/14 x (1 - x),
+moves both inner control points by a third of its factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class CreepParameters:
+    """What a material does in a print.
+
+    Attributes
+    ----------
+    weight
+        Weight over stiffness of the struts, as a multiple of what `PrintSettings` say.
+    hardening
+        Seconds after which a strut flows only 1/e times as fast as when it was laid.
+    rest
+        How fast a hardened strut still flows, as a share of the speed when it was laid.
+    axial
+        Stiffness along a strut relative to that of its solid section.
+    speed : (E,) array
+        How fast each strut flows, relative to what is expected.
+    pull : (E, 2) array
+        Sideways load on each strut, as a multiple of its weight.
+    """
+
+    weight: float
+    hardening: float
+    rest: float
+    axial: float
+    speed: np.ndarray
+    pull: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PrintState:
+    """A print at some moment.
+
+    Attributes
+    ----------
+    points : (V, 3) array, mm
+        Joints; where those that are not there yet shall be.
+    there : (V,) bool array
+        Joints that are there, the plate's among them.
+    laid : (E,) bool array
+        Struts that stand.
+    laid_at : (E,) array, s
+        When each was laid.
+    clock
+        Seconds since the print began.
+    """
+
+    points: np.ndarray
+    there: np.ndarray
+    laid: np.ndarray
+    laid_at: np.ndarray
+    clock: float
+
+    @classmethod
+    def before(cls, plan: Wireframe, laid_at: np.ndarray, clock: float) -> PrintState:
+        """A plan whose ``printed`` marks what stands."""
+        there = plan.printed_vertices() | plan.grounded
+        return cls(np.array(plan.vertices), there, np.array(plan.printed), np.array(laid_at), clock)
+
+    def with_struts(self, struts: np.ndarray, edges: np.ndarray, seconds: float, pause: float) -> PrintState:
+        """Lay struts one after the other, and wait."""
+        there, laid, laid_at = self.there.copy(), self.laid.copy(), self.laid_at.copy()
+        laid[struts], there[edges[struts].ravel()] = True, True
+        laid_at[struts] = self.clock + seconds * (np.arange(len(struts)) + 0.5)
+        return replace(self, there=there, laid=laid, laid_at=laid_at, clock=self.clock + seconds * len(struts) + pause)
+
+
+@dataclass(frozen=True, eq=False)
+class CreepStep:
+    """The linear problem of some time in which struts creep.
+
+    Attributes
+    ----------
+    moved : (V, 6) array
+        Displacements in mm and rotations in rad of the joints.
+    struts : (N,) int64 array
+        Those that stand.
+    freedoms : (N, 12) int64 array
+        Rows of the struts' ends.
+    stiffness, along : (N, 12, 12) array
+        Of each strut, and the part of it that is along the strut.
+    sideways : (N, 12, 2) array
+        Loads along x and y by a pull of 1.
+    free : (F,) int64 array
+        Rows that are not held.
+    factor
+        Of the stiffness of those; ``None`` where nothing is free.
+    ages : (2, N) array, s
+        Of the struts, before and after.
+    """
+
+    moved: np.ndarray
+    struts: np.ndarray
+    freedoms: np.ndarray
+    stiffness: np.ndarray
+    along: np.ndarray
+    sideways: np.ndarray
+    free: np.ndarray
+    factor: SuperLU | None
+    ages: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class CreepModel:
+    """The struts of a design as they creep.
+
+    Attributes
+    ----------
+    design
+        What is printed.
+    settings
+        Flow, material, and how long a strut and a pause take; what `CreepParameters` tell is taken from those.
+    """
+
+    design: Wireframe
+    settings: PrintSettings
+
+    @property
+    def seconds(self) -> float:
+        """That a strut takes."""
+        return float(np.mean(self.settings.seconds))
+
+    def flow(self, parameters: CreepParameters, ages: np.ndarray) -> np.ndarray:
+        """How far struts of these ages (2, N) in s, before and after, flow; see `PrintSettings.flowed`."""
+        settings = replace(self.settings, hardening=parameters.hardening, rest=parameters.rest)
+        return np.maximum(settings.flowed(*ages), LEAST_FLOW * settings.flow)
+
+    def step(
+        self, state: PrintState, since: float, parameters: CreepParameters, bows: np.ndarray | None = None
+    ) -> CreepStep:
+        """Find how far the joints move between ``since`` and now.
+
+        Parameters
+        ----------
+        state
+            The print; what was laid since is there from then on.
+        since : float, s
+            The last moment at which it had settled.
+        parameters
+            Of the material.
+        bows : (E, 2, 3) array, mm, optional
+            To which is added by how much the inner control points of the struts move beyond what their ends do.
+        """
+        design, material = self.design, self.settings.material
+        struts = np.flatnonzero(state.laid)
+        edges, radius = design.edges[struts], design.radius[struts]
+        ages = np.maximum(np.stack([np.full(len(struts), since), np.full(len(struts), state.clock)]), 0.0)
+        ages = np.maximum(ages - state.laid_at[struts], 0.0)
+        soft = self.flow(parameters, ages) * parameters.speed[struts]
+        sections = Sections.round(radius, material.young / soft, material.shear / soft)
+        none = np.zeros(len(struts))
+        start, end = state.points[edges[:, 0]], state.points[edges[:, 1]]
+        along = element_stiffness(start, end, Sections(parameters.axial * sections.axial, none, none))
+        stiffness = along + element_stiffness(start, end, Sections(none, sections.bending, sections.twisting))
+        weight = (parameters.weight * material.weight * np.pi * radius**2)[:, None]
+        sideways = np.stack([element_loads(start, end, weight * unit) for unit in np.eye(3)], axis=2)
+        pull = np.column_stack([parameters.pull[struts], -np.ones(len(struts))])
+        freedoms = (6 * edges[:, :, None] + np.arange(6)).reshape(-1, 12)
+        size = 6 * design.vertex_count
+        force = np.bincount(freedoms.ravel(), weights=np.einsum("nfk,nk->nf", sideways, pull).ravel(), minlength=size)
+        held = np.repeat(design.grounded, 6)
+        free = np.setdiff1d(np.unique(freedoms), np.flatnonzero(held))
+        moved, factor = np.zeros(size), None
+        if len(free):
+            factor = _factor(stiffness, freedoms, free, size)
+            moved[free] = factor.solve(force[free])
+        moved = moved.reshape(-1, 6)
+        if bows is not None:
+            bows[struts] += _bows(start, end, moved[edges], weight * pull, sections.bending)
+        return CreepStep(moved, struts, freedoms, stiffness, along, sideways[:, :, :2], free, factor, ages)
+
+    def after(
+        self,
+        state: PrintState,
+        struts: np.ndarray,
+        parameters: CreepParameters,
+        *,
+        parts: int = 1,
+        bows: np.ndarray | None = None,
+    ) -> PrintState:
+        """The print after a batch has been laid, settling after each of so many parts of it."""
+        for number, part in enumerate(np.array_split(struts, parts), 1):
+            since = state.clock
+            pause = self.settings.pause if number == parts else 0.0
+            state = state.with_struts(part, self.design.edges, self.seconds, pause)
+            step = self.step(state, since, parameters, bows)
+            state = replace(state, points=state.points + step.moved[:, :3])
+        return state
+
+
+def _factor(stiffness: np.ndarray, freedoms: np.ndarray, free: np.ndarray, size: int) -> SuperLU:
+    """Factors of the stiffness (F, F) between the rows that are free, of elements (N, 12, 12)."""
+    place = np.full(size, -1)
+    place[free] = np.arange(len(free))
+    rows, columns = np.repeat(place[freedoms], 12, axis=1).ravel(), np.tile(place[freedoms], (1, 12)).ravel()
+    inner = (rows >= 0) & (columns >= 0)
+    entries = (stiffness.ravel()[inner], (rows[inner], columns[inner]))
+    return factorise(sparse.coo_matrix(entries, shape=(len(free), len(free))).tocsc())
+
+
+def _bows(start: np.ndarray, end: np.ndarray, moved: np.ndarray, load: np.ndarray, bending: np.ndarray) -> np.ndarray:
+    """(N, 2, 3) mm by which the inner control points of beams move across them, beyond what their ends (N, 2, 6) do."""
+    axis = end - start
+    length = np.linalg.norm(axis, axis=1, keepdims=True)
+    tangent = axis / length
+
+    def across(vectors: np.ndarray) -> np.ndarray:
+        part: np.ndarray = vectors - np.sum(vectors * tangent, axis=1, keepdims=True) * tangent
+        return part
+
+    slant = across(moved[:, 0, :3] - moved[:, 1, :3]) / 3.0
+    hung = BUBBLE * across(load) * length**4 / bending[:, None]
+    first = slant + length / 3.0 * np.cross(moved[:, 0, 3:], tangent) + hung
+    last = -slant - length / 3.0 * np.cross(moved[:, 1, 3:], tangent) + hung
+    return np.stack([first, last], axis=1)

@@ -1,0 +1,296 @@
+"""The forecast that learns from the print: derivatives, parameters found again, and frames that end at their design."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from print_cases import LeaningPrint, fingerprint, print_batch, small_job
+from print_physics import lowest_first, twin_at
+from small_frames import tower
+
+from frametwin.errors import InputError
+from frametwin.files import read_json, write_json
+from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.aiming import aimed, expected_drift, remaining_movement
+from frametwin.printing.adaptation.anticipation import Anticipation
+from frametwin.printing.adaptation.material_file import PRINT_TO_PRINT, for_next_print, read_material, write_material
+from frametwin.printing.adaptation.material_fit import GUESS, BatchRecord, MaterialEstimate, MaterialFit
+from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.adaptation.printability import Fall, first_fall
+from frametwin.printing.job.creep_forecast import CreepForecast
+from frametwin.printing.job.job import PrintJob
+from frametwin.printing.job.job_files import JOB
+from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.process.creep import CreepModel, PrintState
+from frametwin.printing.process.material import PrintSettings
+from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.resizing import resized, suitable_size
+from frametwin.printing.simulation.growth import GrowingPrint
+
+SETTINGS = PrintSettings()
+BATCHES = 12
+
+
+@pytest.fixture(scope="module")
+def bridge() -> Wireframe:
+    return named_frame("bridge")
+
+
+@pytest.fixture(scope="module")
+def sequence(bridge: Wireframe) -> PrintSequence:
+    return lowest_first(bridge, BATCHES)
+
+
+def known(weight: float, hardening: float, rest: float, axial: float, error: float = 0.2) -> MaterialEstimate:
+    mean = (np.log(weight), 0.03, -0.02, np.log(hardening), np.log(rest), np.log(axial))
+    return MaterialEstimate(tuple(float(one) for one in mean), (error, 0.05, 0.05, error, error, error))
+
+
+def records(truth: MaterialFit, sequence: PrintSequence, batches: int, noise: float) -> list[BatchRecord]:
+    """What twins see of a print that creeps just as the model has it."""
+    design, rng = truth.model.design, np.random.default_rng(3)
+    state = PrintState.before(design.replace(printed=[False] * design.strut_count), np.zeros(design.strut_count), 0.0)
+    result = []
+    for batch in range(batches):
+        struts = sequence.struts[sequence.batch == batch]
+        after = truth.model.after(state, struts, truth.parameters, parts=3)
+        moved = after.points - state.points
+        there = after.there & ~design.grounded
+        seen = np.where(there[:, None], moved + noise * rng.normal(size=moved.shape), 0.0)
+        result.append(BatchRecord(state, struts, after.laid, seen, there))
+        state = after
+    return result
+
+
+def test_derivatives_are_those_of_finite_differences(bridge: Wireframe, sequence: PrintSequence) -> None:
+    fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.3, 500.0, 0.1, 0.2))
+    record = records(fit, sequence, 5, 0.0)[-1]
+    joints = np.flatnonzero(record.known)
+    # One part: the derivatives of later parts leave out that they start from points that have moved.
+    moved, slope = fit._measured(record, joints, 1)
+    laid = int(sequence.struts[sequence.batch == 3][1])
+    count = bridge.strut_count
+    for place in (*range(6), 6 + laid, 6 + count + laid, 6 + 2 * count + laid):
+        shifted = [fit.values.copy() for _ in range(2)]
+        for values, sign in zip(shifted, (1.0, -1.0), strict=True):
+            values[place] += sign * 1e-4
+        plus, minus = (dataclasses.replace(fit, values=v)._measured(record, joints, 1)[0] for v in shifted)
+        numeric = (plus - minus) / 2e-4
+        assert np.abs(numeric).max() > 0.0
+        np.testing.assert_allclose(slope[:, place], numeric, atol=2e-3 * np.abs(numeric).max())
+
+
+def test_a_material_is_found_again_with_an_error_bar(bridge: Wireframe, sequence: PrintSequence) -> None:
+    model = CreepModel(bridge, SETTINGS)
+    truth = MaterialFit.start(model, known(1.8, 450.0, 0.13, 0.12))
+    fit = MaterialFit.start(model)
+    for record in records(truth, sequence, 8, 0.03):
+        fit = fit.updated(record)
+    off = np.array(fit.estimate.mean) - np.array(truth.estimate.mean)
+    deviation = np.array(fit.estimate.deviation)
+    assert (deviation < 0.6 * np.array(GUESS.deviation))[[0, 3, 4]].all()
+    assert (np.abs(off) < 3.0 * deviation).all()
+    assert abs(off[0] - off[3]) < 0.5 and fit.trust > 0.9
+
+
+def test_struts_that_flow_faster_are_told_from_the_others(bridge: Wireframe, sequence: PrintSequence) -> None:
+    model = CreepModel(bridge, SETTINGS)
+    truth, fit = (MaterialFit.start(model, known(1.5, 600.0, 0.1, 0.1)) for _ in range(2))
+    speeds = 0.3 * np.random.default_rng(1).normal(size=bridge.strut_count)
+    values = truth.values.copy()
+    values[6 : 6 + bridge.strut_count] = speeds
+    truth = dataclasses.replace(truth, values=values)
+    for record in records(truth, sequence, BATCHES, 0.01):
+        fit = fit.updated(record)
+    found = np.log(fit.parameters.speed)
+    assert np.corrcoef(found, speeds)[0, 1] > 0.5
+
+
+def test_what_is_aimed_is_forecast_to_end_at_the_design(bridge: Wireframe, sequence: PrintSequence) -> None:
+    fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.2, 600.0, 0.1, 0.1, error=1e-4))
+    plan = bridge.replace(printed=[False] * bridge.strut_count)
+    state = PrintState.before(plan, np.zeros(bridge.strut_count), 0.0)
+    batches = [sequence.struts[sequence.batch == k] for k in range(BATCHES)]
+    unaimed = np.linalg.norm(remaining_movement(fit, state, batches)[0], axis=1)
+    targets = bridge.vertices
+    for _ in range(3):  # as from answer to answer
+        plan = aimed(bridge, plan, targets, fit, state, batches)
+        targets = plan.vertices
+    moved, bows = remaining_movement(fit, PrintState.before(plan, state.laid_at, 0.0), batches)
+    ends = np.linalg.norm(plan.vertices + moved - bridge.vertices, axis=1)
+    assert unaimed.max() > 3.0 and np.sqrt(np.mean(ends**2)) < 0.15
+    straight = bridge.moved_to(plan.vertices).control_points
+    bent = (plan.control_points - straight)[:, 1:3]
+    np.testing.assert_allclose(bent, -fit.trust * bows, atol=0.1 * np.abs(bows).max())
+
+
+def test_what_is_not_known_is_not_acted_upon(bridge: Wireframe, sequence: PrintSequence) -> None:
+    forecast = CreepForecast.start(bridge)
+    assert forecast.fit.trust == 0.0
+    assert forecast.aimed(sequence, 0) is forecast.plan and forecast.drift(sequence.in_batch(0)) is None
+
+
+def test_a_print_that_stands_still_is_hardly_aimed(bridge: Wireframe, sequence: PrintSequence) -> None:
+    forecast = CreepForecast.start(bridge)
+    for batch in range(6):
+        laying = sequence.in_batch(batch)
+        stands = bridge.replace(printed=sequence.laid_before(batch + 1, bridge.strut_count))
+        there = stands.printed_vertices() & ~bridge.grounded
+        forecast = forecast.answered(laying, Observation(batch, np.zeros((len(there), 3)), there), stands)
+    aims = forecast.aimed(sequence, 6).vertices - bridge.vertices
+    assert np.abs(aims).max() < 0.3
+
+
+def closed_loop(design: Wireframe, sequence: PrintSequence, seed: int, start: CreepForecast | None) -> GrowingPrint:
+    """A print whose twins are right; aimed where there is a forecast, else met where it is."""
+    printing = GrowingPrint(design, sequence, dataclasses.replace(SETTINGS, variation=0.3), seed)
+    plan = design.replace(printed=[False] * design.strut_count)
+    forecast, targets = start, design.vertices
+    for batch in range(sequence.batch_count):
+        laying, rate = sequence.in_batch(batch), None
+        if forecast is not None:
+            plan = forecast.following(plan).aimed(sequence, batch, targets)
+            forecast, targets = forecast.following(plan), plan.vertices
+            rate = forecast.drift(laying)
+        ahead = Anticipation.of(plan, laying, rate)
+        printing.lay(batch, plan, laying, ahead.curves())
+        real = printing.standing().frame
+        twin = twin_at(real.vertices, real.control_points, completeness=real.printed.astype(float))
+        asked = plan.replace(printed=sequence.laid_before(batch + 1, design.strut_count))
+        seen = Observation.of(batch, asked, twin, struts=len(laying))
+        there = real.printed_vertices()[:, None]
+        plan = real.moved_to(np.where(there, real.vertices, plan.vertices if forecast else design.vertices))
+        if forecast is not None:
+            forecast = forecast.answered(laying, seen, plan)
+    return printing
+
+
+def test_an_aimed_print_ends_at_its_design(bridge: Wireframe, sequence: PrintSequence) -> None:
+    plain = closed_loop(bridge, sequence, 100, None).report()
+    aims = closed_loop(bridge, sequence, 100, CreepForecast.start(bridge)).report()
+    assert aims.completed and aims.mean_deviation < 0.4 * plain.mean_deviation
+
+
+def test_drift_is_told_of_joints_that_come_into_being(bridge: Wireframe, sequence: PrintSequence) -> None:
+    fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.2, 600.0, 0.1, 0.1))
+    plan = bridge.replace(printed=sequence.laid_before(4, bridge.strut_count))
+    state = PrintState.before(plan, np.zeros(bridge.strut_count), 3000.0)
+    laying = sequence.in_batch(4)
+    rate = expected_drift(plan, fit, state, laying.struts)
+    new = bridge.replace(printed=sequence.laid_before(5, bridge.strut_count)).printed_vertices() & ~state.there
+    assert new.any() and (rate[new, 2] < 0.0).all() and not rate[bridge.grounded].any()
+    ahead = Anticipation.of(plan, laying, rate)
+    after = fit.model.after(state, laying.struts, fit.parameters, parts=3)
+    np.testing.assert_allclose(ahead.frame(len(laying)).vertices[new], after.points[new], atol=1e-9)
+
+
+# --- files and jobs
+
+
+def test_materials_come_back_from_their_files(tmp_path: Path) -> None:
+    estimate = dataclasses.replace(known(1.5, 700.0, 0.2, 0.3, error=0.11), prints=2)
+    write_material(tmp_path / "material.json", estimate)
+    again = read_material(tmp_path / "material.json")
+    np.testing.assert_allclose(np.array(again.mean)[[0, 3, 4, 5]], np.array(estimate.mean)[[0, 3, 4, 5]])
+    assert again.prints == 2 and again.mean[1:3] == (0.0, 0.0)
+    assert for_next_print(again).deviation[0] == pytest.approx(np.hypot(0.11, PRINT_TO_PRINT))
+    for name, wrong in (("weight", 3), ("rest", {"value": -1.0, "error": 0.1}), ("prints", 0), ("format", "x")):
+        data = {**read_json(tmp_path / "material.json"), name: wrong}
+        write_json(tmp_path / "wrong.json", data)
+        with pytest.raises(InputError, match=name):
+            read_material(tmp_path / "wrong.json")
+
+
+@pytest.fixture
+def aiming(tmp_path: Path) -> PrintJob:
+    return small_job(tmp_path / "job", tower(3), batch_size=8, compensate=True, formats=("json",))
+
+
+def test_a_job_writes_what_it_learns_and_starts_with_what_another_has(aiming: PrintJob, tmp_path: Path) -> None:
+    real = LeaningPrint(aiming.design, np.array([0.0, 0.0, -0.5]))
+    for k in range(2):
+        aiming.answer(real.take(tmp_path / f"capture{k}", print_batch(aiming, real)))
+    told = read_material(aiming.folder)
+    assert told.prints == 1 and told.deviation[0] < GUESS.deviation[0]
+    other = small_job(tmp_path / "other", tower(3), batch_size=8, compensate=True, formats=("json",))
+    assert other.settings.compensate and not (other.folder / "known.json").exists()
+
+
+def test_a_job_that_is_opened_anew_goes_on_as_one_that_was_not(aiming: PrintJob, tmp_path: Path) -> None:
+    real = LeaningPrint(aiming.design, np.array([0.2, 0.0, -0.4]))
+    captures = []
+    for k in range(3):
+        captures.append(real.take(tmp_path / f"capture{k}", print_batch(aiming, real)))
+        aiming.answer(captures[-1])
+    small_job(tmp_path / "again" / "job", tower(3), batch_size=8, compensate=True, formats=("json",))
+    for capture in captures:
+        PrintJob(tmp_path / "again" / "job").answer(capture)
+    for name in ("plan.json", "drift.json"):
+        paths = [folder / "batches" / "003" / name for folder in (aiming.folder, tmp_path / "again" / "job")]
+        assert [path.exists() for path in paths] in ([True, True], [False, False])
+        if paths[0].exists():
+            assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert fingerprint(aiming.batch_folder(3)) == fingerprint(tmp_path / "again" / "job" / "batches" / "003")
+
+
+def test_jobs_of_before_keep_their_forecast(aiming: PrintJob) -> None:
+    data = read_json(aiming.folder / JOB)
+    assert data["settings"]["forecast"] == "creep"
+    del data["settings"]["forecast"]
+    write_json(aiming.folder / JOB, data)
+    assert PrintJob(aiming.folder).settings.forecast == "linear"
+
+
+# --- sizes of batches
+
+
+def test_a_batch_is_cut_short_where_joints_drift_and_grows_where_they_stand(sequence: PrintSequence) -> None:
+    assert suitable_size(12, 0.03) == 12
+    assert suitable_size(12, 0.1) == 5 and suitable_size(12, 5.0) == 4 and suitable_size(3, 5.0) == 3
+    assert suitable_size(12, 1e-3) == 24 and suitable_size(30, 0.0) == 30
+    sizes = np.bincount(sequence.batch)
+    for size in (2, int(sizes[3]), int(sizes[3] + 2), int(sizes[3:6].sum() + 1)):
+        other = resized(sequence, 3, size)
+        assert np.array_equal(other.struts, sequence.struts) and np.array_equal(other.start, sequence.start)
+        assert np.array_equal(np.bincount(other.batch)[:4], [*sizes[:3], size])
+        cuts, old = (set(np.flatnonzero(np.diff(one.batch)).tolist()) for one in (other, sequence))
+        last = int(sizes[:3].sum() + size - 1)
+        assert cuts - old <= {last}
+        assert {cut for cut in old if cut > last} <= cuts
+    assert resized(sequence, 3, int(sizes[3])) is sequence
+
+
+# --- what cannot be printed
+
+
+def gallows(length: float) -> tuple[Wireframe, PrintSequence]:
+    """A short post with a long arm that hangs on it until the second post is there."""
+    vertices = [[0, 0, 0], [0, 0, 20], [length, 0, 20], [length, 0, 0]]
+    frame = Wireframe.create(vertices, [[0, 1], [1, 2], [3, 2]], radius=1.0, grounded=[True, False, False, True])
+    axis = np.tile([0.0, 0.0, 1.0], (3, 1))
+    return frame, PrintSequence(np.arange(3), np.array([0, 1, 3]), axis, np.arange(3))
+
+
+def test_a_strut_that_would_sag_away_is_told_with_what_would_help(tmp_path: Path) -> None:
+    soft = MaterialEstimate(known(1.0, 600.0, 0.1, 0.1).mean, GUESS.deviation, 1)
+    assert _falls(30.0, soft) is None
+    fall = _falls(120.0, soft)
+    assert fall is not None and fall.strut == 1 and fall.batch == 1 and fall.reason == "sag"
+    assert "half the speed" in fall.remedy
+    worse = _falls(180.0, soft)
+    assert worse is not None and "prop under joint 2" in worse.remedy
+    write_material(tmp_path / "soft.json", soft)
+    arm = gallows(180.0)[0].subset(np.array([True, True, False]))[0]
+    with pytest.raises(InputError, match="strut 1 would sag away.*prop under joint 2"):
+        plan_job(tmp_path / "job", arm, PlanOptions(allow_contact=True, batch_size=1), material=tmp_path / "soft.json")
+    assert not (tmp_path / "job").exists()
+
+
+def _falls(length: float, material: MaterialEstimate) -> Fall | None:
+    frame, sequence = gallows(length)
+    fit = CreepForecast.start(frame, material).fit
+    return first_fall(fit, frame, [sequence.struts[sequence.batch == batch] for batch in range(3)])
