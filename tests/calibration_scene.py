@@ -9,9 +9,9 @@ from board_pictures import Noise, RayField, draw_board, random_pose, ring, write
 
 from frametwin.calibration.boards import Board, parse_board
 from frametwin.calibration.detection import Look
-from frametwin.calibration.placement import standing_at
 from frametwin.cameras import look_at
 from frametwin.cameras.rig_file import RigCamera
+from frametwin.cameras.standing import standing_at
 
 LENS = np.array([1000.0, 1002.0, 486.0, 352.0, -0.12, 0.05, 0.0004, -0.0003, 0.0])
 FISHEYE_LENS = np.array([420.0, 421.0, 484.0, 357.0, 0.03, -0.008, 0.002, 0.0])

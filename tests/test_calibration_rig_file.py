@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from camera_cases import LENS
+from scipy.spatial.transform import Rotation
 
 from frametwin.calibration.uncertainty import point_uncertainty
 from frametwin.cameras import Camera, look_at, packed
@@ -227,3 +228,30 @@ def projection_slopes(camera: Camera, points: np.ndarray, step: float = 1e-3) ->
     """(N, 2, 3) derivatives of where points are seen, by differences."""
     moved = [np.stack([camera.project(points + side * step * axis)[0] for side in (1, -1)]) for axis in np.eye(3)]
     return np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in moved], axis=-1)
+
+
+@pytest.mark.parametrize("world", ["none", "robot"])
+def test_a_fisheye_becomes_a_perspective_camera_known_as_well_as_before(world: str) -> None:
+    perspective, fisheye, _ = some_rig(world).cameras
+    assert perspective.straightened() is perspective
+    straight = fisheye.straightened()
+    assert (straight.model, straight.name, len(straight.lens)) == (PERSPECTIVE, "cam_1", 9)
+    assert straight.lens[:4].tolist() == fisheye.lens[:4].tolist() and not straight.lens[4:].any()
+    assert straight.covariance is not None and fisheye.covariance is not None
+    assert straight.covariance.shape == (len(straight.keys),) * 2
+    for i, row in enumerate(straight.keys):
+        for j, column in enumerate(straight.keys):
+            bends = {row, column} & set(LENS_KEYS[PERSPECTIVE][4:])
+            wanted = 0.0 if bends else fisheye.covariance[fisheye.keys.index(row), fisheye.keys.index(column)]
+            assert straight.covariance[i, j] == wanted
+
+
+def test_a_rig_in_the_axes_of_a_plan_needs_the_robots_world() -> None:
+    base = np.eye(4)
+    base[:3, :3], base[:3, 3] = Rotation.from_euler("z", 30.0, degrees=True).as_matrix(), [400.0, 0.0, 20.0]
+    rig = some_rig()
+    assert rig.in_plan() is rig
+    for inside, camera in zip(rig.in_plan(base).cameras, rig.cameras, strict=True):
+        np.testing.assert_allclose(base @ inside.camera_to_world, camera.camera_to_world, atol=1e-9)
+    with pytest.raises(InputError, match=r"rig\.json.*world.*frametwin calibrate place"):
+        replace(rig, world="camera").in_plan()

@@ -10,13 +10,16 @@ from . import (
     computing,
     deform,
     fit,
+    import_rig,
     inspect_struts,
     inspect_view,
     jobs_in_view,
     legend,
+    masks,
     menus,
     opening,
     overlay,
+    photographs,
     pick_strut,
     plan,
     preferences,
@@ -34,10 +37,16 @@ from . import (
 if computing.HAS_SET_UP:
     from . import set_up
 
-MODULES = (properties, preferences, status, inspect_struts, plan, deform, cameras, render, fit, twin, adapt, printing)
+MODULES = (
+    *(properties, preferences, status, inspect_struts, plan, deform, cameras, render),
+    *(photographs, fit, twin, adapt, printing),
+)
 """In the order of their panels."""
 
-WITHOUT_PANELS = (session, show_hide, support, opening, overlay, inspect_view, pick_strut, menus)
+WITHOUT_PANELS = (
+    *(session, show_hide, support, opening, overlay, import_rig, masks),
+    *(inspect_view, pick_strut, menus),
+)
 OPTIONAL = (set_up,) if computing.HAS_SET_UP else ()
 CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS, *OPTIONAL) for cls in module.CLASSES)
 

@@ -15,8 +15,8 @@ from .twin import KINDS
 STEPS: tuple[tuple[str, ...], ...] = (
     ("import_frame", "use_selected", "use_millimetres", "check_plan"),
     ("sag", "copy_to_bend"),
-    ("make_rig", "import_cameras", "step_camera", "show_pictures", "hide_pictures", "picture_beside"),
-    ("render",),
+    ("make_rig", "import_cameras", "import_rig", "step_camera", "show_pictures", "hide_pictures", "picture_beside"),
+    ("render", "capture_pictures", "show_masks"),
     ("open_capture", "fit", "import_run"),
     ("inspect", "step_strut", "leave_struts", "list_struts", "pick_strut", "export_twin", "remove_twin"),
     ("adapt", "export_adapted"),
@@ -86,6 +86,7 @@ def draw_import(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     """File > Import."""
     menu.layout.operator("frametwin.import_frame", text="FrameTwin Frame (.json/.obj/.txt/.dxf/.3dm)")
     menu.layout.operator("frametwin.import_cameras", text="FrameTwin Cameras (transforms.json, COLMAP)")
+    menu.layout.operator("frametwin.import_rig", text="FrameTwin Rig (rig.json)")
     menu.layout.operator("frametwin.import_run", text="FrameTwin Run (folder)")
     menu.layout.operator("frametwin.open_file", text="FrameTwin Capture, Run or Print Job (.json)")
 

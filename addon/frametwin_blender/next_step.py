@@ -22,6 +22,8 @@ def next_step(context: bpy.types.Context) -> str:
         return "Fit: press Fit to find where every strut is."
     if plan is None:
         return "Plan: add a frame to try things out, or import your own."
+    if settings.pictures.rig:
+        return "Photographs: choose the folder of pictures, then press Capture from Pictures."
     if rig_of(context) is None:
         bent = print_of(context) is not None
         return "Cameras: press Make Rig." if bent else "Deform: press Deform for a print that sags, then Cameras."

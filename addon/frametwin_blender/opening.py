@@ -15,6 +15,7 @@ from frametwin.twin.twin import FORMAT as TWIN
 from . import session
 from .cameras import import_cameras
 from .fit import import_run, open_capture
+from .import_rig import import_rig
 from .plan import read_importable, take_frame
 from .printing import show_job
 from .steps import FileStep, settings_of
@@ -24,7 +25,7 @@ DRAWINGS = ".txt;.dxf;.3dm;.off"
 
 
 def kind_of(path: Path) -> str:
-    """What a file holds: ``frame``, ``capture``, ``cameras``, ``run`` or ``job``.
+    """What a file holds: ``frame``, ``capture``, ``cameras``, ``rig``, ``run`` or ``job``.
 
     Raises
     ------
@@ -34,7 +35,7 @@ def kind_of(path: Path) -> str:
     if path.suffix.lower() != ".json":
         return "frame"
     content = read_json(path)
-    known = {CAPTURE: "capture", TWIN: "run", JOB: "job", RIG: "cameras"}
+    known = {CAPTURE: "capture", TWIN: "run", JOB: "job", RIG: "rig"}
     kind = known.get(str(content.get("format")), "capture" if "frames" in content else "frame")
     if kind == "capture" and not (path.parent / "frame.json").is_file():
         return "cameras"  # as another program or a calibration wrote them, without a plan
@@ -60,13 +61,15 @@ def open_path(context: bpy.types.Context, path: Path) -> str:
         settings.print.job = str(folder)
         session.start(show_job(context))
         return f"Job {folder}"
+    if kind == "rig":
+        return import_rig(context, path)
     if kind == "cameras":
         return import_cameras(context, path)
     return take_frame(context, read_importable(path))
 
 
 class FRAMETWIN_OT_open_file(FileStep, bpy.types.Operator):
-    """Open a frame, a capture (its transforms.json), a run (its twin.json) or a print job (its job.json)"""
+    """Open a frame, a capture (transforms.json), a rig (rig.json), a run (twin.json) or a print job (job.json)"""
 
     bl_idname = "frametwin.open_file"
     bl_label = "FrameTwin: Open File"

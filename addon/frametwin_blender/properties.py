@@ -21,6 +21,7 @@ from frametwin.blender.display.twins import is_twin
 
 from .frames_offered import FRAME_ITEMS
 from .in_view import can_be_chosen, plan_chosen, twin_chosen
+from .picture_settings import FrameTwinPictures
 from .recolour import recolour_active, recolour_afresh, restyle_active
 from .translations import in_own_context
 
@@ -49,6 +50,9 @@ OVERLAYS = (
         "Orange where there is print and no twin, blue where there is a twin and no print",
     ),
 )
+
+MASKS = ("mask", "Masks", "What is taken for print in the picture")
+"""What Show Masks lays over the views."""
 
 
 class FrameTwinProblem(bpy.types.PropertyGroup):
@@ -189,7 +193,7 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         update=restyle_active,
     )
     overlay: EnumProperty(  # type: ignore[valid-type]
-        name="Overlay", description="What lies over the views of the cameras", items=OVERLAYS
+        name="Overlay", description="What lies over the views of the cameras", items=(*OVERLAYS, MASKS)
     )
     front: BoolProperty(  # type: ignore[valid-type]
         name="In Front",
@@ -349,6 +353,7 @@ class FrameTwinSettings(bpy.types.PropertyGroup):
     deform: PointerProperty(type=FrameTwinDeform)  # type: ignore[valid-type]
     cameras: PointerProperty(type=FrameTwinCameras)  # type: ignore[valid-type]
     render: PointerProperty(type=FrameTwinRender)  # type: ignore[valid-type]
+    pictures: PointerProperty(type=FrameTwinPictures)  # type: ignore[valid-type]
     fit: PointerProperty(type=FrameTwinFit)  # type: ignore[valid-type]
     print: PointerProperty(type=FrameTwinPrint)  # type: ignore[valid-type]
     view: PointerProperty(type=FrameTwinView)  # type: ignore[valid-type]
@@ -360,6 +365,7 @@ CLASSES = (
     FrameTwinDeform,
     FrameTwinCameras,
     FrameTwinRender,
+    FrameTwinPictures,
     FrameTwinFit,
     FrameTwinBeforeJobs,
     FrameTwinPrint,

@@ -84,7 +84,7 @@ class FRAMETWIN_PT_render(Panel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).render, self.layout
         if plan_of(context) is None or rig_of(context) is None:
-            write_text(layout, "Needs a plan and cameras. With real pictures, go on to Fit.", context, "INFO")
+            write_text(layout, "Needs a plan and cameras. With real pictures, go on to Photographs.", context, "INFO")
             return
         layout.use_property_split, layout.use_property_decorate = True, False
         column = layout.column(align=True)

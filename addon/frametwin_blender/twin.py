@@ -42,6 +42,9 @@ from .views import see
 REASONS = 3
 """Of the verdict that are shown."""
 
+FRAME = 16
+"""What a box takes of the width of a text, in pixels."""
+
 KINDS = (
     ("worst", "Worst", "Those of the worst values of what the colours show"),
     ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
@@ -241,7 +244,10 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         icon = "CHECKMARK" if verdict.status == GOOD else "ERROR"
         box.label(text=f"Verdict: {verdict.status}", icon=icon)
         for reason in verdict.reasons[:REASONS]:
-            write_text(box, f"{reason[:1].upper()}{reason[1:]}.", context)
+            write_text(box, f"{reason[:1].upper()}{reason[1:]}.", context, beside=FRAME)
+        rest = len(verdict.reasons) - REASONS
+        if rest > 0:
+            write_text(box, f"{rest} more in twin.json of the run.", context, beside=FRAME)
 
     def _draw_colours(self, layout: bpy.types.UILayout, view: bpy.types.PropertyGroup) -> None:
         layout.prop(view, "quantity", text="")

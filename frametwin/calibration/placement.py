@@ -19,6 +19,7 @@ from frametwin.calibration.poses import board_poses, rms_of
 from frametwin.calibration.rig_folder import Seen, now
 from frametwin.cameras.plate import Plate
 from frametwin.cameras.rig_file import Rig, noted
+from frametwin.cameras.standing import standing_at
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.progress import ProgressCallback
@@ -27,26 +28,6 @@ Floats = NDArray[np.float64]
 
 DISAGREES = 3.0
 """An object whose corners miss by so many times those of the board is not as large as it should be."""
-
-
-def standing_at(values: tuple[float, ...]) -> Floats:
-    """The pose of an object from its place and its turn.
-
-    Parameters
-    ----------
-    values
-        X, y, z in mm and, if given, the turn about z in degrees.
-
-    Returns
-    -------
-    (4, 4) array, mm
-        From the object's axes to the robot's.
-    """
-    pose = np.eye(4)
-    angle = np.radians(values[3]) if len(values) > 3 else 0.0
-    pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    pose[:3, 3] = values[:3]
-    return pose
 
 
 def place_rig(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frametwin.calibration.pictures import ENDINGS
-from frametwin.cameras.lens_models import FISHEYE, PERSPECTIVE, project
+from frametwin.cameras.lens_models import FISHEYE, project
 from frametwin.cameras.rig_file import FILE_NAME, Rig, RigCamera, rig_data
 from frametwin.capture.capture import write_capture
 from frametwin.capture.image_files import image_size
@@ -68,34 +68,26 @@ def capture_from_rig(
         If the robot's world is not known, pictures are missing, ambiguous or of another size, or the cameras do not see
         the frame.
     """
-    if rig.world != "robot":
-        remedy = "run frametwin calibrate place, so that plan and cameras have one world"
-        raise InputError.at("rig.json", "world", "is not the robot's", remedy)
-    rig = rig if base is None else rig.moved(np.linalg.inv(base))
+    rig = rig.in_plan(base)
     files = {camera.name: _picture_of(Path(pictures), camera.name, moment) for camera in rig.cameras}
     used = [camera for camera in rig.cameras if files[camera.name] is not None]
     if len(used) < 2:
         names = ", ".join(f"{camera.name}.png" for camera in rig.cameras[:3])
         problem = f"holds pictures of {len(used)} of the rig's {len(rig.cameras)} cameras"
         raise InputError.at(pictures, "folder", problem, f"name them after the cameras: {names} ...")
-    views = [_view(camera, files[camera.name]) for camera in used]
-    grounds = None
-    if background is not None:
-        grounds = []
-        for camera in used:
-            file = _picture_of(Path(background), camera.name, None)
-            if file is None:
-                remedy = "give one for each camera of which there is a picture"
-                raise InputError.at(background, camera.name, "its picture before printing is missing", remedy)
-            grounds.append(_view(camera, file)[1])
+    before = [] if background is None else [_picture_before(Path(background), camera.name) for camera in used]
+    views, grounds = [], []
+    for i, camera in enumerate(used):
+        views.append(_view(camera, files[camera.name]))
+        grounds += [_view(camera, file)[1] for file in before[i : i + 1]]
+        report(progress, Progress("reading pictures", i + 1, len(used)))
     shown = replace(rig, cameras=tuple(camera for camera, _ in views))
-    report(progress, Progress("reading pictures", len(used), len(used)))
     write_capture(
         out,
         frame,
         [camera.as_camera() for camera in shown.cameras],
         [image for _, image in views],
-        backgrounds=grounds,
+        backgrounds=None if background is None else grounds,
         extra={FILE_NAME: rig_data(shown)},
         overwrite=overwrite,
     )
@@ -125,6 +117,15 @@ def _picture_of(folder: Path, name: str, moment: str | None) -> Path | None:
     return found[0] if found else None
 
 
+def _picture_before(folder: Path, name: str) -> Path:
+    """The picture of a camera before printing, which has to be there."""
+    file = _picture_of(folder, name, None)
+    if file is None:
+        remedy = "give one for each camera of which there is a picture"
+        raise InputError.at(folder, name, "its picture before printing is missing", remedy)
+    return file
+
+
 def _view(camera: RigCamera, path: Path | None) -> tuple[RigCamera, NDArray[np.uint8]]:
     """Camera and picture (H, W, 3) for everything else: pictures of a fisheye become those of a perspective lens."""
     assert path is not None
@@ -152,13 +153,5 @@ def _perspective(camera: RigCamera, image: NDArray[np.uint8]) -> tuple[RigCamera
     directions = np.stack([(x - cx) / fl_x, (y - cy) / fl_y, np.ones_like(x)], axis=-1).reshape(-1, 3)
     pixels = project(camera.model, camera.lens, directions)[0] - 0.5
     maps = pixels.astype(np.float32).reshape(camera.height, camera.width, 2)
-    straight = replace(camera, model=PERSPECTIVE, lens=np.array([fl_x, fl_y, cx, cy, *np.zeros(5)]))
-    if camera.covariance is not None:  # what is not known of the fisheye's bending is left out
-        kept = np.array([0, 1, 2, 3, *range(len(camera.lens), len(camera.lens) + 6)])
-        covariance = np.zeros((15, 15))
-        covariance[np.ix_([0, 1, 2, 3, *range(9, 15)], [0, 1, 2, 3, *range(9, 15)])] = camera.covariance[
-            np.ix_(kept, kept)
-        ]
-        straight = replace(straight, covariance=covariance)
     flat = cv2.remap(image, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR)
-    return straight, np.asarray(flat, dtype=np.uint8)
+    return camera.straightened(), np.asarray(flat, dtype=np.uint8)

@@ -97,6 +97,22 @@ class RigCamera:
         rows[[7, 8, 9], [2, 3, 4]] = 1.0
         return np.asarray(rows @ self.covariance @ rows.T + np.diag(DRIFT**2))
 
+    def straightened(self) -> RigCamera:
+        """The camera as captures have it: of a fisheye, a perspective camera of the same focal length at its place.
+
+        What is not known of the fisheye's bending is left out of the covariance.
+        """
+        if self.model == PERSPECTIVE:
+            return self
+        covariance = None
+        if self.covariance is not None:
+            before = [0, 1, 2, 3, *range(len(self.lens), len(self.covariance))]
+            after = [0, 1, 2, 3, *range(9, 5 + len(before))]
+            covariance = np.zeros((5 + len(before), 5 + len(before)))
+            covariance[np.ix_(after, after)] = self.covariance[np.ix_(before, before)]
+        lens = np.array([*self.lens[:4], *np.zeros(5)])
+        return replace(self, model=PERSPECTIVE, lens=lens, covariance=covariance)
+
     def as_camera(self) -> Camera:
         """The camera for everything else in FrameTwin.
 
@@ -153,6 +169,24 @@ class Rig:
     def camera(self, name: str) -> RigCamera:
         """The camera of a name, which has to be there."""
         return next(camera for camera in self.cameras if camera.name == name)
+
+    def in_plan(self, base: Floats | None = None) -> Rig:
+        """The same rig in the axes of a plan.
+
+        Parameters
+        ----------
+        base : (4, 4) array, mm
+            From the plan's axes to the robot's; by default they are the same.
+
+        Raises
+        ------
+        InputError
+            If its world is not the robot's.
+        """
+        if self.world != "robot":
+            remedy = "run frametwin calibrate place, so that plan and cameras have one world"
+            raise InputError.at(FILE_NAME, "world", "is not the robot's", remedy)
+        return self if base is None else self.moved(np.linalg.inv(base))
 
     def before(self, step: str) -> tuple[tuple[dict[str, str], ...], tuple[dict[str, str], ...]]:
         """Notes and what was left out of the steps before one that is done again."""

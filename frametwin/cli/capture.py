@@ -59,9 +59,9 @@ def command(
     """
     check_output_folder(out, overwrite, "transforms.json")
     plan = load_frame(frame)
-    from frametwin.calibration.placement import standing_at
     from frametwin.calibration.rig_capture import capture_from_rig
     from frametwin.cameras.rig_file import read_rig
+    from frametwin.cameras.standing import standing_at
 
     found = read_rig(rig)
     with Display(quiet) as display:

@@ -161,8 +161,8 @@ def _raw_pictures(rig: Path | None, base: tuple[float, ...] | None, background: 
             if value is not None:
                 raise InputError.at(name, "rig", "is missing", "give --rig too: captures hold their own cameras")
         return None
-    from frametwin.calibration.placement import standing_at
     from frametwin.cameras.rig_file import read_rig
+    from frametwin.cameras.standing import standing_at
     from frametwin.printing.job.raw_pictures import RawPictures
 
     return RawPictures(read_rig(rig), None if base is None else standing_at(base), background)

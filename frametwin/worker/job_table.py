@@ -21,6 +21,8 @@ JOBS: dict[str, str] = {
     "fit": "frametwin.service.tasks:fit",
     "evaluate": "frametwin.service.tasks:evaluate",
     "adapt": "frametwin.service.tasks:adapt",
+    "capture": "frametwin.service.capture_tasks:make_capture",
+    "masks": "frametwin.service.capture_tasks:show_masks",
     "compare": "frametwin.service.view_tasks:compare",
     "render": "frametwin.service.render_tasks:render",
     "render-capture": "frametwin.service.render_tasks:render_capture",

@@ -1,11 +1,11 @@
-"""Outlines and differences of a capture's pictures and the twin, over the views of the rig's cameras.
+"""Outlines, differences and masks of a capture's pictures, over the views of the rig's cameras.
 
 They are kept in the file, each with the capture and the run that it was made of.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import bpy
@@ -15,18 +15,20 @@ from frametwin.blender.views.cameras import cameras_in
 
 KEY = "frametwin_comparison"
 KINDS = ("outline", "difference")
+MASK = "mask"
+"""Of a capture alone: the run is empty."""
 
 
-def load_comparisons(folder: Path, capture: str, run: str) -> int:
-    """Take pictures into the file: ``KIND/NAME.png`` in a folder, which is not needed any more then; how many.
+def load_comparisons(folder: Path, capture: str, run: str, kinds: Sequence[str] = KINDS) -> int:
+    """Take pictures into the file: ``KIND/NAME.png`` or ``.jpg`` in a folder, not needed any more then; how many.
 
-    Those of another run are removed.
+    Those of the same kinds that were there before are removed.
     """
-    for image in [image for image in bpy.data.images if KEY in image]:
+    for image in [image for image, found in _known() if found["kind"] in kinds]:
         bpy.data.images.remove(image)
     count = 0
-    for kind in KINDS:
-        for path in sorted((folder / kind).glob("*.png")):
+    for kind in kinds:
+        for path in sorted([*(folder / kind).glob("*.png"), *(folder / kind).glob("*.jpg")]):
             image = bpy.data.images.load(str(path))
             image.name = f"{path.stem} {kind}"
             image.pack()
@@ -42,7 +44,7 @@ def has_comparisons(capture: str, run: str) -> bool:
 
 
 def show_comparisons(collection: bpy.types.Collection, kind: str) -> int:
-    """Show pictures of one of `KINDS` over what the rig's cameras of the same names see; how many fit."""
+    """Show pictures of one of `KINDS`, or `MASK`, over what the rig's cameras of the same names see; how many fit."""
     images = {str(found["name"]): image for image, found in _known() if found["kind"] == kind}
     shown = 0
     for obj in cameras_in(collection.all_objects):

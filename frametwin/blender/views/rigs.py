@@ -93,13 +93,13 @@ def replace_rig(
     cameras: Sequence[Camera],
     scene: bpy.types.Scene,
     target: Wireframe | None = None,
+    name: str = "",
 ) -> bpy.types.Collection:
-    """Put cameras into the scene in the place of an earlier rig, under its name; see `rig_to_blender`."""
-    name = "Cameras"
+    """Put cameras into the scene in the place of an earlier rig, under its name or another; see `rig_to_blender`."""
     if old is not None and old in scene.collection.children_recursive:
-        name = old.name
+        name = name or old.name
         remove_collection(old)
-    return rig_to_blender(cameras, scene, name, target=target)
+    return rig_to_blender(cameras, scene, name or "Cameras", target=target)
 
 
 def rig_cameras(frame: Wireframe, rig: str = "ring", distance: float = 1.0, **settings: object) -> tuple[Camera, ...]:
