@@ -297,7 +297,7 @@ def _falls(length: float, material: MaterialEstimate) -> Fall | None:
 
 
 def test_a_forecast_of_a_frame_that_gives_way_stays_within_reason() -> None:
-    """Weight without measure, and a strut that nothing holds up: every joint moves by a share of the extent at most."""
+    """Weight without measure, and a strut that nothing holds up: no joint moves further than the extent."""
     frame = named_frame("bridge")
     model = CreepModel(frame, PrintSettings())
     count = frame.strut_count

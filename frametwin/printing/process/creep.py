@@ -26,7 +26,7 @@ BUBBLE = 3.0 / 14.0 / 3.0 / 24.0
 moves both inner control points by a third of its factor."""
 
 
-LARGEST_MOVE = 0.1
+LARGEST_MOVE = 1.0
 """Furthest that a joint moves in one step, as a share of the design's extent: beyond, small displacements say nothing,
 and a frame that gives way entirely would move without end."""
 
