@@ -21,6 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modules beside this one
 
+from frametwin.errors import InputError
 from frametwin.files import staged_directory
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import NAME as MATERIAL
@@ -53,7 +54,17 @@ def printed(frame: Wireframe, order: Path, way: str, seed: int, folder: Path, ma
     """Print a frame once."""
     plan = PlanOptions(**WAYS[way], reprint=True, allow_contact=True, formats=("json",))
     options = SimulationOptions(plan=plan, print=PRINT, rig=RIG, seed=seed, accept=ACCEPTED)
-    return simulate_print(folder, frame, options, order=order, material=material).as_dict()
+    try:
+        return simulate_print(folder, frame, options, order=order, material=material).as_dict()
+    except InputError as error:  # what stands is where the robot cannot go on, such as below the plate
+        return {
+            "completed": False,
+            "held": str(error),
+            "mean_deviation": None,
+            "e_max": [None],
+            "twin_seconds": [],
+            "struts": frame.strut_count,
+        }
 
 
 def rows(results: list[dict[str, Any]]) -> list[str]:

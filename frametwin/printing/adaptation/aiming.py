@@ -75,6 +75,7 @@ def aimed(
     most = LARGEST_BOW * design.lengths[:, None, None] / np.maximum(np.linalg.norm(bows, axis=2, keepdims=True), 1e-12)
     curves = np.array(design.moved_to(plan.vertices).control_points)
     curves[:, 1:3] -= trust * np.minimum(1.0, most) * bows
+    curves[:, 1:3] = _above_plate(curves[:, 1:3], design.control_points[:, 1:3], design)
     return plan.replace(control_points=np.where(plan.printed[:, None, None], plan.control_points, curves))
 
 
@@ -132,8 +133,15 @@ def _joint_aims(
             break
         tried = best + _no_longer_than(share * (wanted - best), cap)
         tried = design.vertices + _no_longer_than(tried - design.vertices, limit)
+        tried = _above_plate(tried, design.vertices, design)
         tried = np.where(free[:, None], tried, targets)
     return best, bowed
+
+
+def _above_plate(aims: np.ndarray, planned: np.ndarray, design: Wireframe) -> np.ndarray:
+    """Aims (..., 3) none of which is below the plate, where no nozzle comes, unless it was planned there."""
+    plate = float(design.vertices[design.grounded, 2].min()) if design.grounded.any() else -np.inf
+    return np.concatenate([aims[..., :2], np.maximum(aims[..., 2:], np.minimum(plate, planned[..., 2:]))], axis=-1)
 
 
 def _at(state: PrintState, points: np.ndarray) -> PrintState:
