@@ -14,28 +14,12 @@ from frametwin.printing.records.history import PrintHistory
 
 from .in_view import hide, hide_twin, show_twin
 from .recolour import show_colours
+from .viewport_drawing import ViewportDrawing
 from .views import corners_of, see, write_label
 
 TIMELINE = ("frame_current", "frame_start", "frame_end")
 BELOW = 30
 """Pixels from the lowest point of a job in view to its name, at a resolution scale of 1."""
-
-_handle: object | None = None
-
-
-def register() -> None:
-    """Begin to draw names."""
-    global _handle
-    if _handle is None:
-        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister() -> None:
-    """Draw no more."""
-    global _handle
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        _handle = None
 
 
 def name_of(history: PrintHistory, mode: str = "") -> str:
@@ -128,3 +112,7 @@ def _draw() -> None:
 
 
 CLASSES = ()
+
+
+_drawing = ViewportDrawing(_draw)
+register, unregister = _drawing.register, _drawing.unregister

@@ -15,27 +15,11 @@ from frametwin.blender.display.quantities import quantity_named
 from frametwin.blender.views.framing import Room
 
 from .steps import twin_of
+from .viewport_drawing import ViewportDrawing
 
 WIDTH, HEIGHT, MARGIN, TEXT = 220, 14, 24, 12  # pixels at a resolution scale of 1
 COLUMN = 110
 """Least width of an entry."""
-
-_handle: object | None = None
-
-
-def register() -> None:
-    """Begin to draw."""
-    global _handle
-    if _handle is None:
-        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister() -> None:
-    """Draw no more."""
-    global _handle
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        _handle = None
 
 
 def _draw() -> None:
@@ -167,3 +151,7 @@ def _write(text: str, x: float, y: float, scale: float, centred: float = 0.0) ->
 
 
 CLASSES = ()
+
+
+_drawing = ViewportDrawing(_draw)
+register, unregister = _drawing.register, _drawing.unregister
