@@ -238,7 +238,7 @@ def the_legend_is_seen() -> Waits:
 def the_inspect_workspace() -> Waits:
     yield from command("FrameTwin: Inspect")
     window = bpy.context.window_manager.windows[0]
-    yield from until(lambda: window.workspace.name == "Inspect" and len(window.screen.areas) == 2)
+    yield from until(lambda: window.workspace.name == "Inspect" and len(areas("IMAGE_EDITOR")) == 1)
     yield 3 * BLINK
     (editor,) = areas("IMAGE_EDITOR")
     assert Path(editor.spaces.active.image.filepath).stem == bpy.context.scene.camera.name
