@@ -278,7 +278,11 @@ def test_the_worker_checks() -> None:
     ],
 )
 def test_a_job_file_is_checked_and_named(tmp_path: Path, place: tuple[str, ...], value: Any, field: str) -> None:
-    plan_job(tmp_path / "job", tower(), PlanOptions(batch_size=24, allow_contact=True, formats=("json",), reprint=True))
+    plan_job(
+        tmp_path / "job",
+        tower(),
+        PlanOptions(batch_size=24, allow_contact=True, formats=("json",), compensate=False, reprint=True),
+    )
     path = tmp_path / "job" / "job.json"
     data = json.loads(path.read_text(encoding="utf-8"))
     inside = data["settings"]

@@ -1,9 +1,10 @@
-"""Reading the passes that Blender writes: multi-layer OpenEXR, one part for all (4.5) or one a pass (5.x)."""
+"""The passes that Blender writes: multi-layer OpenEXR, one part for all (4.5) or one a pass (5.x)."""
 
 from __future__ import annotations
 
 import contextlib
 import io
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,6 +64,23 @@ def read_passes(path: PathLike) -> Passes:
     return Passes(
         depth=np.where(depth < FAR, depth, np.float32(np.inf)), normal=normal, strut=strut.astype(np.int32) - 1
     )
+
+
+def resample_channels(path: PathLike, resample: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Resample every channel of a file in place.
+
+    Parameters
+    ----------
+    path
+        The file, of one part.
+    resample
+        Gives the values (H, W) that take the place of those of a channel (H, W).
+    """
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = {name: channel.pixels for part in file.parts for name, channel in part.channels.items()}
+        changed = {name: np.ascontiguousarray(resample(pixels)) for name, pixels in channels.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, changed).write(str(path))
 
 
 def _channels(path: Path) -> dict[str, np.ndarray]:

@@ -10,11 +10,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import bpy
-import cv2
 import extension_cases as cases
 import numpy as np
 import pytest
 from small_frames import tower
+
+pytest.importorskip("cv2", reason="pictures are undistorted and masked with OpenCV")
+
+import cv2
 
 from frametwin.blender.frames.curves import wireframe_from_curve
 from frametwin.blender.views.comparisons import KEY

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from frametwin.blender.rendering import engines, materials, versions
 from frametwin.blender.rendering.masks import FINER
 from frametwin.blender.rendering.render_job import RenderJob
@@ -44,14 +42,10 @@ def bend_passes(path: Path, warp: LensWarp) -> None:
         If there is no package for such files in this Python, as in a Blender of its own.
     """
     try:
-        import OpenEXR
+        from frametwin.imaging.exr import resample_channels
     except ImportError as error:
         remedy = "render with the bpy module, or leave the passes or the lens out"
         raise InputError.at(
             "scene", "passes", "of a lens that distorts need the package OpenEXR, which this Python lacks", remedy
         ) from error
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        channels = {name: channel.pixels for part in file.parts for name, channel in part.channels.items()}
-        bent = {name: np.ascontiguousarray(warp.nearest(pixels)) for name, pixels in channels.items()}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, bent).write(str(path))
+    resample_channels(path, warp.nearest)
