@@ -26,7 +26,7 @@ from frametwin.evaluation.evaluate import evaluate
 from frametwin.fitting.api import fit_capture
 from frametwin.fitting.camera_corrections import as_found, corrections_between
 from frametwin.fitting.camera_freedoms import LENS, RigErrors, corrected
-from frametwin.fitting.plate_cameras import CORNER, resected, through_plate
+from frametwin.fitting.plate_cameras import CORNER, NONE_SEEN, resected, through_plate
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.silhouette import silhouettes
 
@@ -201,6 +201,15 @@ def test_views_without_markers_keep_their_cameras_and_are_named(capture: Capture
     np.testing.assert_array_equal(placed.capture.views[1].camera.camera_to_world, view.camera.camera_to_world)
     twin = placed.told(fit_capture(capture, changes={"cameras": "exact"}).twin)
     assert any(reason.startswith(f"view {view.camera.name} shows too little") for reason in twin.verdict.reasons)
+
+
+def test_masks_that_show_no_markers_are_told_of_once(
+    capture: Capture, real: tuple[Camera, ...], plate: Plate, tmp_path: Path
+) -> None:
+    write_capture(tmp_path / "masks", capture.frame, real, silhouettes(capture.frame, real))
+    twin = fit_capture(dataclasses.replace(read_capture(tmp_path / "masks"), plate=plate)).twin
+    assert [reason for reason in twin.verdict.reasons if "markers" in reason] == [NONE_SEEN]
+    assert twin.verdict.status == "good" and not twin.cameras
 
 
 def test_a_rig_keeps_its_plate_and_moves_it_along(real: tuple[Camera, ...], plate: Plate, tmp_path: Path) -> None:

@@ -56,6 +56,8 @@ ALL_MOVED = (
     " size, or the rig is another one"
 )
 
+NONE_SEEN = "no view shows the plate's markers: the cameras are where the rig has them"
+
 _WORKERS = 2
 _ROUNDS = 30
 
@@ -90,10 +92,8 @@ def resected(camera: Camera, points: np.ndarray, pixels: np.ndarray, covariance:
     covariance : (10, 10) array
         Of the camera.
     """
-    from scipy.optimize import (  # a quarter of a second, which fits without a plate do without
-        OptimizeResult,
-        least_squares,
-    )
+    # A quarter of a second, which fits without a plate do without.
+    from scipy.optimize import OptimizeResult, least_squares
 
     white = whitening(covariance[None])[0]
     scale = np.sqrt(np.diag(covariance))
@@ -140,6 +140,8 @@ class Placed:
         """The twin that was fitted through these cameras, with its corrections counted from the rig's."""
         if self.rig.plate is None:
             return twin
+        if all(own is None for own in self.found):
+            return twin.replace(verdict=replace(twin.verdict, reasons=(*twin.verdict.reasons, NONE_SEEN)))
         records, notes = [], []
         for record, own in zip(self._records(twin), self.found, strict=True):
             records.append(record)
