@@ -139,20 +139,6 @@ def _window(camera: RigCamera, pose: np.ndarray, half: np.ndarray) -> tuple[np.n
     return low, np.minimum(np.ceil(pixels.max(axis=0)).astype(int) + 1, (camera.width, camera.height))
 
 
-def random_pose(rng: np.random.Generator, target: np.ndarray, facing: np.ndarray, tilt_deg: float) -> np.ndarray:
-    """A pose at a place, its z turned away from a direction by up to an angle, and turned about itself."""
-    facing = np.asarray(facing, dtype=float) / np.linalg.norm(facing)
-    aside = rng.normal(size=3)
-    aside -= facing * (aside @ facing)
-    angle = np.radians(tilt_deg) * np.sqrt(rng.uniform(0.1, 1.0))
-    z = np.cos(angle) * facing + np.sin(angle) * aside / np.linalg.norm(aside)
-    x = np.cross(rng.normal(size=3), z)
-    x /= np.linalg.norm(x)
-    pose = np.eye(4)
-    pose[:3] = np.column_stack([x, np.cross(z, x), z, target])
-    return pose
-
-
 def ring(count: int, distance: float, lens: np.ndarray, size: tuple[int, int], height: float = 0.6) -> list[RigCamera]:
     """Cameras around the origin that look at it."""
     cameras = []

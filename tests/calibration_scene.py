@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from board_pictures import Noise, RayField, draw_board, random_pose, ring, write_pictures
+from board_pictures import Noise, RayField, draw_board, ring, write_pictures
 
 from frametwin.calibration.boards import Board, parse_board
 from frametwin.calibration.detection import Look
 from frametwin.cameras import look_at
 from frametwin.cameras.rig_file import RigCamera
 from frametwin.cameras.standing import standing_at
+from frametwin.dataset.calibration_shots import random_pose
 
 LENS = np.array([1000.0, 1002.0, 486.0, 352.0, -0.12, 0.05, 0.0004, -0.0003, 0.0])
 FISHEYE_LENS = np.array([420.0, 421.0, 484.0, 357.0, 0.03, -0.008, 0.002, 0.0])

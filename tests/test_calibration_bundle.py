@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from board_pictures import random_pose, ring
+from board_pictures import ring
 
 from frametwin.calibration import bundle_terms as module
 from frametwin.calibration.boards import corner_points, parse_board
 from frametwin.calibration.bundle import Body, Bundle, Eye, Link, Solution, solve
 from frametwin.cameras.lens_models import project
+from frametwin.dataset.calibration_shots import random_pose
 
 LENSES = {
     "OPENCV": np.array([950.0, 955.0, 480.0, 355.0, -0.2, 0.08, 0.0005, -0.0004, -0.01]),

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from board_pictures import Noise, RayField, draw_board, random_pose, ring, write_pictures
+from board_pictures import Noise, RayField, draw_board, ring, write_pictures
 from calibration_scene import LENS, SIZE
 
 from frametwin.calibration.boards import corner_points, parse_board
@@ -15,6 +15,7 @@ from frametwin.calibration.detection import Look, find_corners, object_points, p
 from frametwin.calibration.looking import look_for
 from frametwin.calibration.pictures import list_pictures
 from frametwin.cameras.lens_models import project
+from frametwin.dataset.calibration_shots import random_pose
 from frametwin.errors import InputError
 
 CAMERA = ring(1, 500.0, LENS, SIZE)[0]

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from board_pictures import random_pose
 
 from frametwin.calibration.boards import corner_points, parse_board
 from frametwin.calibration.detection import Sighting
 from frametwin.calibration.intrinsics import Lens, calibrate_lens
 from frametwin.calibration.uncertainty import lens_uncertainty, pixel_grid
 from frametwin.cameras.lens_models import FISHEYE, PERSPECTIVE, project, rays
+from frametwin.dataset.calibration_shots import random_pose
 from frametwin.errors import InputError
 
 SIZE = (1280, 960)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from frametwin.arrays import checked_array, is_plain_text
+from frametwin.arrays import is_plain_text
+from frametwin.cameras.standing import rigid_pose
 from frametwin.errors import InputError
 from frametwin.files import check_format
 
@@ -57,12 +58,8 @@ def parse_plate(value: Any, path: Path) -> Plate | None:
     if not isinstance(value, dict) or not is_plain_text(value.get("board")):
         remedy = "give an object with board (such as plate:10x7:40:30:APRILTAG_36h11) and transform_matrix"
         raise InputError.at(path, "plate", "is not a board and its pose", remedy)
-    pose = checked_array(value.get("transform_matrix"), "f", (4, 4), str(path), "plate.transform_matrix")
-    rotation = pose[:3, :3]
-    rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6 and np.linalg.det(rotation) > 0.0
-    if not rigid or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
-        remedy = "give the rotation and position in mm of the board's middle in the world"
-        raise InputError.at(path, "plate.transform_matrix", "is not a rigid pose", remedy)
+    remedy = "give the rotation and position in mm of the board's middle in the world"
+    pose = rigid_pose(value.get("transform_matrix"), path, "plate.transform_matrix", remedy)
     return Plate(str(value["board"]), pose)
 
 

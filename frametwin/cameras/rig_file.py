@@ -18,6 +18,7 @@ from frametwin.cameras.camera import MAX_PIXELS, Camera
 from frametwin.cameras.conversions import OPENGL_AXES
 from frametwin.cameras.lens_models import LENS_KEYS, PERSPECTIVE
 from frametwin.cameras.plate import Plate, parse_plate
+from frametwin.cameras.standing import rigid_pose
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
 
@@ -350,12 +351,8 @@ def _read_camera(entry: dict[str, Any], posed: bool, path: Path, place: str) -> 
 
 
 def _read_pose(entry: dict[str, Any], path: Path, place: str) -> Floats:
-    pose = checked_array(entry.get("transform_matrix"), "f", (4, 4), str(path), place) @ OPENGL_AXES
-    rotation = pose[:3, :3]
-    rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6 and np.linalg.det(rotation) > 0.0
-    if not rigid or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
-        raise InputError.at(path, place, "is not a rigid pose", "give rotation and position in mm, OpenGL axes")
-    return pose
+    remedy = "give rotation and position in mm, OpenGL axes"
+    return np.asarray(rigid_pose(entry.get("transform_matrix"), path, place, remedy) @ OPENGL_AXES)
 
 
 def _read_covariance(entry: dict[str, Any], camera: RigCamera, path: Path, place: str) -> Floats | None:

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from frametwin.calibration.boards import Board, faces, parse_board
 from frametwin.calibration.patterns import black_rectangles
-from frametwin.calibration.placement import standing_at
 from frametwin.cameras import Camera
+from frametwin.cameras.standing import standing_at
 from frametwin.capture.board_scene import BoardScene, BoardShot, Body
 from frametwin.dataset.specification_values import CalibrationValues
 from frametwin.geometry.wireframe import Wireframe
@@ -105,7 +105,7 @@ def _lens_shots(
             depth = rng.uniform(*NEAR) * camera.fl_x * wide / camera.width
             aside = rng.uniform(-ASIDE, ASIDE, size=2) * (camera.width / camera.fl_x, camera.height / camera.fl_y)
             target = camera.centre + camera.camera_to_world[:3, :3] @ (depth * np.array([*aside, 1.0]))
-            pose = _random_pose(rng, target, camera.centre - target, TILTS[0])
+            pose = random_pose(rng, target, camera.centre - target, TILTS[0])
             shots.append(_shot("lenses", camera, f"{i:02d}", pose, rng))
     return shots
 
@@ -115,7 +115,7 @@ def _moment_shots(
 ) -> list[BoardShot]:
     """A board over the middle of the print's place that all cameras see at the same moment."""
     moments = [
-        _random_pose(rng, middle + rng.uniform(-WANDERS, WANDERS, size=3), np.array([0.0, 0.0, 1.0]), TILTS[1])
+        random_pose(rng, middle + rng.uniform(-WANDERS, WANDERS, size=3), np.array([0.0, 0.0, 1.0]), TILTS[1])
         for _ in range(values.moments)
     ]
     return [_shot("moments", camera, f"m{i:02d}", pose, rng) for camera in cameras for i, pose in enumerate(moments)]
@@ -126,13 +126,13 @@ def _shot(step: str, camera: Camera, name: str, pose: Floats, rng: np.random.Gen
     return BoardShot(file, "block" if step == "block" else "board", pose, camera, int(rng.integers(2**31 - 1)))
 
 
-def _random_pose(rng: np.random.Generator, target: Floats, facing: Floats, tilt_deg: float) -> Floats:
+def random_pose(rng: np.random.Generator, target: Floats, facing: ArrayLike, tilt_deg: float) -> Floats:
     """A pose at a place, its z turned away from a direction by up to an angle, and turned about itself."""
-    facing = facing / np.linalg.norm(facing)
+    towards = np.asarray(facing, dtype=float) / np.linalg.norm(facing)
     aside = rng.normal(size=3)
-    aside -= facing * (aside @ facing)
+    aside -= towards * (aside @ towards)
     angle = np.radians(tilt_deg) * np.sqrt(rng.uniform(0.1, 1.0))
-    z = np.cos(angle) * facing + np.sin(angle) * aside / np.linalg.norm(aside)
+    z = np.cos(angle) * towards + np.sin(angle) * aside / np.linalg.norm(aside)
     x = np.cross(rng.normal(size=3), z)
     x /= np.linalg.norm(x)
     pose = np.eye(4)

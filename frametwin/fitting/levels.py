@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.raster.pyramid import Level, Pyramid
-
-SMALL = 0.5
-"""Pictures reduced below this share of their size are kept for later stages; larger ones would fill the memory."""
+from frametwin.raster.pyramid import KEPT, Level, Pyramid
 
 
 class Levels:
@@ -61,7 +58,7 @@ class Levels:
         scale = self._scale(detail)
         key = (scale, blur)
         if key not in self._made:
-            self._made = {other: level for other, level in self._made.items() if other[0] < SMALL}
+            self._made = {other: level for other, level in self._made.items() if other[0] < KEPT}
             self._made[key] = self._pyramid.level(scale, blur)
         return self._made[key]
 

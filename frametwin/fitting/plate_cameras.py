@@ -142,10 +142,8 @@ class Placed:
             return twin
         if all(own is None for own in self.found):
             return twin.replace(verdict=replace(twin.verdict, reasons=(*twin.verdict.reasons, NONE_SEEN)))
-        records, notes = [], []
-        for record, own in zip(self._records(twin), self.found, strict=True):
-            records.append(record)
-            notes += _notes(record, own)
+        records = list(self._records(twin))
+        notes = [note for record, own in zip(records, self.found, strict=True) for note in _notes(record, own)]
         judged = twin.verdict
         if np.median([record["sigmas"] for record in records]) > FAR:
             status = DOUBTFUL if judged.status == GOOD else judged.status
