@@ -125,16 +125,19 @@ def _whole(state: State) -> np.ndarray:
 
 
 def finish(problem: Problem, state: State, stage: Stage) -> State:
-    """One of the last stages; of a print that its smooth motions would hold back, without that and until it settles.
+    """One of the last stages; until it settles where a print is strained or its joints have sizes of their own.
 
-    Struts of which a part is missing are held as before: by what little is seen of them they would be bent at will.
+    A strained print is not held back any more, but for struts of which a part is missing: by what little is seen of
+    them they would be bent at will.
     """
-    if not state.strained:
-        return free_stage(problem, state, stage)
-    held = problem.elastic.stiffened(np.where(_whole(state), 1.0, 1.0 / LOOSE))
-    loose, before = loosened(stage), np.inf
-    for _ in range(LETTING_GO):
-        state = free_stage(replace(problem, elastic=held), state, loose)
+    if state.strained:
+        stage = loosened(stage)
+        held = problem.elastic.stiffened(np.where(_whole(state), 1.0, 1.0 / LOOSE))
+        problem = replace(problem, elastic=held)
+    slow = state.strained or state.joint_size is not None or state.cameras is not None
+    before = np.inf
+    for _ in range(LETTING_GO if slow else 1):
+        state = free_stage(problem, state, stage)
         if state.last_terms.loss > (1.0 - SETTLED) * before:
             break
         before = state.last_terms.loss
