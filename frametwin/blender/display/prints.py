@@ -12,6 +12,7 @@ import numpy as np
 
 from frametwin.blender.frames.curves import wireframe_to_curve, wireframe_to_curve_steps
 from frametwin.blender.frames.plans import plan_and_deformed, plan_from_object
+from frametwin.blender.scene.collections import PRINTS, home_collection, remove_empty_homes
 from frametwin.blender.scene.placement import label
 from frametwin.capture.capture_checks import check_truth
 from frametwin.errors import InputError
@@ -76,7 +77,13 @@ def show_print_steps(
         vertices=np.asarray(simulated["vertices"]),
         printed=printed,
     )
-    obj = yield from wireframe_to_curve_steps(truth, name=f"{plan.name} print", scene=scene)
+    scene = bpy.context.scene if scene is None else scene
+    collection = home_collection(scene, PRINTS)
+    try:
+        obj = yield from wireframe_to_curve_steps(truth, name=f"{plan.name} print", collection=collection, scene=scene)
+    except BaseException:
+        remove_empty_homes()
+        raise
     _mark(obj, np.asarray(simulated["present"]))
     return obj
 
@@ -90,7 +97,8 @@ def copy_to_bend(plan_object: bpy.types.Object, scene: bpy.types.Scene | None = 
         See `plan_from_object`.
     """
     plan = plan_from_object(plan_object, scene=scene)
-    obj = wireframe_to_curve(plan, name=f"{plan.name} print", scene=scene)
+    collection = home_collection(bpy.context.scene if scene is None else scene, PRINTS)
+    obj = wireframe_to_curve(plan, name=f"{plan.name} print", collection=collection, scene=scene)
     _mark(obj, np.tile([0.0, 1.0], (plan.strut_count, 1)))
     return obj
 
