@@ -50,10 +50,16 @@ def twin_attributes(
     return {
         "opacity": Attribute("FLOAT", sampling.between(twin.opacity)),
         "distance": Attribute("FLOAT", height_above(twin.control_points, frame.control_points, sampling)),
+        "radius_guessed": Attribute("BOOLEAN", sampling.between(unmeasured(twin, frame.printed)) > 0.0),
         "missing": Attribute("BOOLEAN", sampling.between(dark) > 0.75),
         "state": Attribute("INT", np.where(frame.printed, State.PRINTED, State.UNPRINTED), "CURVE"),
         **strut_attributes(values),
     }
+
+
+def unmeasured(twin: Twin, printed: np.ndarray) -> np.ndarray:
+    """(E, K) 1 where no picture shows the piece, so that its radius is a guess from the plan or what is near."""
+    return np.where(printed[:, None] & (twin.thickness > 0.0) & (twin.opacity >= DARK), 0.0, 1.0)
 
 
 def strut_attributes(values: Mapping[str, StrutValues]) -> dict[str, Attribute]:

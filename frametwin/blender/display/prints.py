@@ -11,6 +11,7 @@ import idprop
 import numpy as np
 
 from frametwin.blender.frames.curves import wireframe_to_curve, wireframe_to_curve_steps
+from frametwin.blender.frames.described import describe_print
 from frametwin.blender.frames.plans import plan_and_deformed, plan_from_object
 from frametwin.blender.scene.collections import PRINTS, home_collection, remove_empty_homes
 from frametwin.blender.scene.placement import label
@@ -84,7 +85,9 @@ def show_print_steps(
     except BaseException:
         remove_empty_homes()
         raise
-    _mark(obj, np.asarray(simulated["present"]))
+    present = np.asarray(simulated["present"])
+    _mark(obj, present)
+    describe_print(obj, truth, plan, present, scene)
     return obj
 
 
@@ -97,9 +100,12 @@ def copy_to_bend(plan_object: bpy.types.Object, scene: bpy.types.Scene | None = 
         See `plan_from_object`.
     """
     plan = plan_from_object(plan_object, scene=scene)
-    collection = home_collection(bpy.context.scene if scene is None else scene, PRINTS)
+    scene = bpy.context.scene if scene is None else scene
+    collection = home_collection(scene, PRINTS)
     obj = wireframe_to_curve(plan, name=f"{plan.name} print", collection=collection, scene=scene)
-    _mark(obj, np.tile([0.0, 1.0], (plan.strut_count, 1)))
+    present = _everywhere(np.ones(plan.strut_count))
+    _mark(obj, present)
+    describe_print(obj, plan, plan, present, scene)
     return obj
 
 

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from frametwin.blender.frames.curves import wireframe_to_curve
+from frametwin.blender.frames.described import describe_plan
 from frametwin.blender.frames.plan_checks import PlanProblem, plan_problems, select_struts
 from frametwin.blender.frames.plans import plan_from_object
 from frametwin.blender.scene import visibility
@@ -25,6 +26,7 @@ def add_plan(frame: Wireframe, scene: bpy.types.Scene | None = None) -> bpy.type
     scene = bpy.context.scene if scene is None else scene
     obj = wireframe_to_curve(frame, collection=home_collection(scene, PLANS), scene=scene)
     obj[KEY] = True
+    describe_plan(obj, frame, scene)
     make_active(obj)
     return obj
 
