@@ -308,6 +308,9 @@ class FrameTwinView(bpy.types.PropertyGroup):
     legend: BoolProperty(  # type: ignore[valid-type]
         name="Legend", default=True, description="Draw what the colours mean into the viewport"
     )
+    histogram: BoolProperty(  # type: ignore[valid-type]
+        name="Histogram", default=True, description="Draw on the legend how many struts have which value"
+    )
     count: IntProperty(  # type: ignore[valid-type]
         name="Worst", default=10, min=1, description="How many of the worst struts are highlighted"
     )

@@ -257,6 +257,9 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             row.prop(view, "low", text="")
             row.prop(view, "high", text="")
         row.prop(view, "legend", text="", icon="COLOR", toggle=True)
+        sub = row.row(align=True)
+        sub.enabled = view.legend
+        sub.prop(view, "histogram", text="", icon="SEQ_HISTOGRAM", toggle=True)
         layout.prop(view, "colour_map", text="")
 
     def _draw_display(self, layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> None:
