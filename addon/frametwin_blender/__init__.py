@@ -7,6 +7,7 @@ import bpy
 from . import (
     adapt,
     cameras,
+    compare,
     computing,
     deform,
     fit,
@@ -39,7 +40,7 @@ if computing.HAS_SET_UP:
 
 MODULES = (
     *(properties, preferences, status, inspect_struts, plan, deform, cameras, render),
-    *(photographs, fit, twin, adapt, printing),
+    *(photographs, fit, twin, adapt, printing, compare),
 )
 """In the order of their panels."""
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from frametwin.blender.display.quantities import QUANTITIES
 from frametwin.blender.display.twin_records import load_values
-from frametwin.blender.display.twins import RUN_KEY, find_twin
+from frametwin.blender.display.twins import RUN_KEY, find_twin, twin_object
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.twin.runs import load_run
 
 from . import session
+from .compared import draw_comparison
 from .in_view import show_twin
 from .steps import Panel, Step, needs, settings_of, twin_of, write_text
 from .strut_table import BATCH, INDEX, StrutTable
@@ -192,6 +193,7 @@ class StrutsPanel(Panel):
             head.label(text=text)
         layout.template_list("FRAMETWIN_UL_struts", "", inspected, "struts", inspected, "at", rows=8)
         layout.operator("frametwin.pick_strut", text="Pick in View", icon="EYEDROPPER")
+        draw_comparison(layout, context, twin_object(twin_of(context)))
         if 0 <= inspected.at < known.count:
             self._draw_values(context, known, inspected.at)
 

@@ -15,6 +15,7 @@ from frametwin.blender.display.print_jobs import jobs_in
 from frametwin.blender.display.quantities import quantity_named
 from frametwin.blender.views.framing import Room
 
+from .compared import title_of_colours
 from .steps import twin_of
 from .translations import translated
 from .viewport_drawing import TEXT, ViewportDrawing, draw_bar, draw_bars, draw_field, write_words
@@ -39,8 +40,10 @@ def _draw() -> None:
     for title, objects in shown_groups(context):
         measured = next((obj for obj in objects if AUTOMATIC_KEY in obj), None)
         legend = None if measured is None else legend_of(measured)
+        name = "" if legend is None else quantity_named(legend.quantity).name
+        words = "" if legend is None else title_of_colours(legend.quantity, name, measured)
         counts = None if legend is None or not settings.view.histogram else histogram_of(objects, legend)
-        low = _draw_legend(title, legend, legend_entries(objects), scale, room, low, counts)
+        low = _draw_legend(title, legend, words, legend_entries(objects), scale, room, low, counts)
 
 
 def shown_groups(context: bpy.types.Context) -> Iterator[tuple[str, list[bpy.types.Object]]]:
@@ -79,13 +82,17 @@ def _above_redo_panel(regions: Sequence[bpy.types.Region]) -> float:
 def _draw_legend(
     title: str,
     legend: Legend | None,
+    name: str,
     entries: Sequence[Entry],
     scale: float,
     room: Room,
     low: float,
     counts: np.ndarray | None = None,
 ) -> float:
-    """Draw one legend upwards from ``low``, with a histogram if there are counts (B,); how high it reaches."""
+    """Draw one legend upwards from ``low``; how high it reaches.
+
+    ``name`` is that of what the colours show; with a histogram if there are counts (B,).
+    """
     left, line = room.left + MARGIN * scale, 1.6 * TEXT * scale
     width = min(WIDTH * scale, room.right - MARGIN * scale - left)
     for words in notes(bpy.context) if legend is not None else ():
@@ -99,7 +106,7 @@ def _draw_legend(
             low += BARS * scale
         low += 0.6 * TEXT * scale
         unit = f" ({legend.unit})" if legend.unit else ""
-        write_words(translated(quantity_named(legend.quantity).name) + unit, left, low, scale)
+        write_words(name + unit, left, low, scale)
         low += line
     columns = max(1, int((room.right - MARGIN * scale - left) // (COLUMN * scale)))
     low += _draw_entries(entries, left, low, min(columns, 2), scale)

@@ -128,6 +128,22 @@ WORDS: dict[str, tuple[str, str]] = {
     "Torn ends": ("Abgerissene Enden", "剥離した端"),
     "Uncertain": ("Unsicher", "不確か"),
     "With and without": ("Mit und ohne", "適応あり・なし"),
+    # comparison
+    "Choose another twin under Compare.": (
+        "Unter Vergleichen einen anderen Zwilling wählen.",
+        "「比較」で別のツインを選択してください。",
+    ),
+    "Compare": ("Vergleichen", "比較"),
+    "Compare Batches": ("Abschnitte vergleichen", "バッチを比較"),
+    "Distance from other": ("Abstand vom anderen", "比較対象との距離"),
+    "Distance from {}": ("Abstand von {}", "{} との距離"),
+    "From": ("Von", "元"),
+    "Largest": ("Größter", "最大"),
+    "Mean": ("Mittel", "平均"),
+    "No strut is in both.": ("Kein Stab ist in beiden.", "共通の部材がありません。"),
+    "Strut {}": ("Stab {}", "部材 {}"),
+    "To": ("Nach", "先"),
+    "With": ("Mit", "対象"),
     # legend
     "Deviation along": ("Abweichung längs", "長手方向の偏差"),
     "Height above plan": ("Höhe über dem Plan", "設計からの高さ"),

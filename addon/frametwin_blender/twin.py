@@ -228,6 +228,8 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             self._draw_statistics(layout, values[settings.view.quantity])
         elif settings.view.quantity.startswith("error"):
             write_text(layout, "The capture has no truth to compare with.", context, "INFO")
+        elif settings.view.quantity == "difference":
+            write_text(layout, "Choose another twin under Compare.", context, "INFO")
         else:
             write_text(layout, "This twin does not say.", context, "INFO")
         counts = {"missing": len(missing), "uncertain": len(uncertain), "torn": len(torn_struts(values))}

@@ -31,6 +31,8 @@ from frametwin.twin.verdict import Verdict
 RUN_KEY = "frametwin_run"
 ROLE_KEY = "frametwin_role"
 
+UNKNOWN = "it is not known"
+
 GHOSTS = 1000
 """Most struts of a twin that comes with its plan as a ghost: on a larger one it would only be in the way."""
 
@@ -266,7 +268,8 @@ def recolour_twin(
     """
     shown = find_twin(collection)
     if quantity not in shown.values:
-        what = "the capture has no truth.json" if quantity.startswith("error") else "it is not known"
+        reasons = {"difference": "it has not been compared with another twin"}
+        what = "the capture has no truth.json" if quantity.startswith("error") else reasons.get(quantity, UNKNOWN)
         remedy = f"choose one of {', '.join(shown.values)}"
         raise InputError.at(f"collection {collection.name}", quantity, f"cannot be shown, {what}", remedy)
     return colour_struts(shown.twin, shown.values[quantity], low, high, map_name)
