@@ -179,6 +179,9 @@ class FRAMETWIN_OT_list_struts(Step, bpy.types.Operator):
 class StrutsPanel(Panel):
     """The list, and all values of the strut that was clicked."""
 
+    compares = False
+    """Whether to tell here what came of a comparison, where the panel for it is not at hand."""
+
     if TYPE_CHECKING:
         layout: bpy.types.UILayout
 
@@ -193,7 +196,8 @@ class StrutsPanel(Panel):
             head.label(text=text)
         layout.template_list("FRAMETWIN_UL_struts", "", inspected, "struts", inspected, "at", rows=8)
         layout.operator("frametwin.pick_strut", text="Pick in View", icon="EYEDROPPER")
-        draw_comparison(layout, context, twin_object(twin_of(context)))
+        if self.compares:
+            draw_comparison(layout, context, twin_object(twin_of(context)))
         if 0 <= inspected.at < known.count:
             self._draw_values(context, known, inspected.at)
 
@@ -215,6 +219,7 @@ class FRAMETWIN_PT_inspect(StrutsPanel, bpy.types.Panel):
 
     bl_label = "Struts"
     bl_idname = "FRAMETWIN_PT_inspect"
+    compares = True
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -24,6 +24,9 @@ WIDTH, HEIGHT, MARGIN = 220, 14, 24  # pixels at a resolution scale of 1
 BARS = 40
 """Height of the histogram."""
 
+GAP = 2
+"""Between it and the bar of colours."""
+
 BACKDROP = (0.0, 0.0, 0.0, 0.35)
 COLUMN = 110
 """Least width of an entry."""
@@ -102,8 +105,8 @@ def _draw_legend(
         _draw_values(legend, left, low, width, scale)
         low += (TEXT + 5 + HEIGHT) * scale
         if counts is not None and counts.any():
-            _draw_histogram(counts, legend, left, low, width, scale)
-            low += BARS * scale
+            _draw_histogram(counts, legend, left, low + GAP * scale, width, scale)
+            low += (GAP + BARS) * scale
         low += 0.6 * TEXT * scale
         unit = f" ({legend.unit})" if legend.unit else ""
         write_words(name + unit, left, low, scale)

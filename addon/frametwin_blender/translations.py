@@ -144,6 +144,16 @@ WORDS: dict[str, tuple[str, str]] = {
     "Strut {}": ("Stab {}", "部材 {}"),
     "To": ("Nach", "先"),
     "With": ("Mit", "対象"),
+    # statistics of the twin, and heads of the list
+    "5th percentile": ("5. Perzentil", "5 パーセンタイル"),
+    "95th percentile": ("95. Perzentil", "95 パーセンタイル"),
+    "Highest": ("Höchster", "最高"),
+    "Lowest": ("Niedrigster", "最低"),
+    "Strut": ("Stab", "部材"),
+    "Suitable Colours": ("Passende Farben", "適した色"),
+    "Sure": ("Sicher", "確か"),
+    "Up to Batch": ("Bis Abschnitt", "表示するバッチまで"),
+    "Whole": ("Ganz", "完全"),
     # legend
     "Deviation along": ("Abweichung längs", "長手方向の偏差"),
     "Height above plan": ("Höhe über dem Plan", "設計からの高さ"),
