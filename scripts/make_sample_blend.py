@@ -91,10 +91,6 @@ def make_scene(
     for other in (obj, bent):
         visibility.hide(other)
     make_active(shown.twin, select=False)
-    settings = getattr(scene, "frametwin", None)  # where the extension is enabled
-    if settings is not None:
-        settings.plan, settings.print_object, settings.rig = obj, bent, rig
-        settings.twin = shown.collection
     show_colours(scene, plan)
     return f"{plan.strut_count} struts, {len(shown.missing)} of them not whole"
 
@@ -112,7 +108,7 @@ def show_colours(scene: Any, plan: Wireframe) -> None:
                 space.shading.color_type, space.shading.light = "VERTEX", "FLAT"
                 space.clip_start, space.clip_end = 0.01 * plan.extent, 100.0 * plan.extent
                 space.region_3d.view_location = 0.5 * (low + high)
-                space.region_3d.view_distance = 1.8 * plan.extent
+                space.region_3d.view_distance = 1.2 * plan.extent
 
 
 def saved(file: Path) -> bytes:

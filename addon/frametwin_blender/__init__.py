@@ -6,6 +6,7 @@ import bpy
 
 from . import (
     adapt,
+    adopting,
     cameras,
     compare,
     computing,
@@ -58,6 +59,7 @@ def register() -> None:
     bpy.types.Scene.frametwin = bpy.props.PointerProperty(type=properties.FrameTwinSettings)
     translations.register()
     session.register()
+    adopting.register()
     legend.register()
     jobs_in_view.register()
     status.register()
@@ -71,6 +73,7 @@ def unregister() -> None:
     status.unregister()
     jobs_in_view.unregister()
     legend.unregister()
+    adopting.unregister()
     session.unregister()
     translations.unregister()
     del bpy.types.Scene.frametwin

@@ -73,3 +73,30 @@ def test_what_cannot_be_written_is_told_at_once(tmp_path: Path) -> None:
         done = run(*words)
         assert done.returncode == 2 and reason in done.stderr and "Traceback" not in done.stderr
     assert there.read_bytes() == b"mine" and [path.name for path in tmp_path.iterdir()] == ["there.blend"]
+
+
+def test_a_file_that_was_made_without_the_panels_fills_them(extension: str, scene: Any, tmp_path: Path) -> None:
+    from test_blender_twins import shifted
+
+    from frametwin.blender.display.twins import show_twin
+    from frametwin.blender.frames.plan_objects import add_plan
+    from frametwin.blender.views.rigs import rig_around
+
+    frame = named_frame("bridge")
+    visibility.hide(add_plan(frame))
+    rig_around(frame, count=3)
+    show_twin(shifted(frame, [0.0, 0.0, 2.0]), frame)
+    other = bpy.data.scenes.new("two twins")
+    for height in (1.0, 2.0):
+        show_twin(shifted(frame, [0.0, 0.0, height]), frame, scene=other)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "made.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "made.blend"))
+    tab = bpy.context.scene.frametwin
+    assert tab.plan.name == "bridge" and not visibility.is_shown(tab.plan, bpy.context.view_layer)
+    assert tab.rig.name == "Cameras" and tab.twin.name == "bridge twin" and tab.print_object is None
+    assert bpy.data.scenes["two twins"].frametwin.twin is None  # nobody knows which
+    bpy.ops.frametwin.select_struts(kind="worst")
+    tab.twin = tab.rig = None  # as the user chose
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "made.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "made.blend"))
+    assert bpy.context.scene.frametwin.twin is None
