@@ -17,6 +17,7 @@ from frametwin.blender.background.stepwise import run_steps
 from frametwin.blender.display.colouring import legend_of
 from frametwin.blender.display.comparing import KEY, compare_batches, compare_twins, comparison_of, leave_batches
 from frametwin.blender.display.display_inputs import ATTRIBUTE, get_input
+from frametwin.blender.display.legend_entries import legend_entries
 from frametwin.blender.display.print_jobs import FIRST_FRAME, FRAMES_A_BATCH, show_job_steps
 from frametwin.blender.display.twins import find_twin, recolour_twin, show_twin
 from frametwin.blender.frames.strut_curves import read_attribute
@@ -57,6 +58,7 @@ def test_a_twin_is_compared_point_by_point(scene: Any, rich_frame: Wireframe) ->
     legend = recolour_twin(second.collection, "difference")
     assert legend.high == pytest.approx(3.0) and get_input(second.twin, ATTRIBUTE) == "difference"
     assert comparison_of(second.twin) == found and comparison_of(first.twin) is None
+    assert "no value" not in {entry.words for entry in legend_entries([second.twin])}  # strut 3 is red
     assert "difference" not in find_twin(first.collection).values
 
 
@@ -95,6 +97,7 @@ def test_batches_are_compared_where_struts_stand_in_both(scene: Any, rich_frame:
     ring = numbers[row] == 7  # one of the upper hexagon, which lies flat
     np.testing.assert_allclose(distance[ring], 1.5, atol=1e-5)
     assert legend_of(obj).quantity == "difference"
+    assert "no value" in {entry.words for entry in legend_entries([obj])}  # of strut 11
     leave_batches(job)
     legends = [legend_of(each) for each in job.all_objects if each.name.startswith("standing")]
     assert {(legend.quantity, legend.high) for legend in legends} == {("displacement", legends[0].high)}
