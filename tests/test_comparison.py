@@ -1,75 +1,70 @@
-"""Twins compared: closed forms for shifts, slides, turns and bows."""
+"""Outlines and differences of a view's print and the twin."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
-from small_frames import tower
 
-from frametwin.errors import InputError
-from frametwin.geometry import bezier
-from frametwin.geometry.nearest import distances_to_curves
-from frametwin.twin.comparison import check_comparable, compare_struts
-
-U = np.linspace(0.0, 1.0, 17)
-
-
-def straight(count: int = 1) -> np.ndarray:
-    """(E, 4, 3) struts of 80 mm along x, 50 mm apart."""
-    starts = np.column_stack([np.zeros(count), 50.0 * np.arange(count), np.zeros(count)])
-    return bezier.straight(starts, starts + np.array([80.0, 0.0, 0.0]))
+from frametwin.capture.capture import read_capture
+from frametwin.fitting.api import fit_capture, write_run
+from frametwin.geometry.parametric import named_frame
+from frametwin.imaging.comparison import DARK, LIGHT, ONLY_PRINT, ONLY_TWIN, difference, outline
+from frametwin.imaging.encoding import png_with_alpha
+from frametwin.service.view_tasks import compare
+from frametwin.simulation.simulate import SimulationSettings, simulate, write_simulation
 
 
-def test_a_shift_across_the_struts_is_the_distance_everywhere() -> None:
-    found = compare_struts(straight(3), straight(3) + np.array([0.0, 3.0, 4.0]))
-    np.testing.assert_allclose(found.distance, 5.0, rtol=1e-12)
-    assert found.mean == pytest.approx(5.0) and found.largest == pytest.approx(5.0)
+def disc(radius: float, size: int = 101) -> np.ndarray:
+    y, x = np.mgrid[:size, :size] - size // 2
+    return (np.hypot(x, y) <= radius).astype(np.float32)
 
 
-def test_a_slide_along_a_strut_shows_at_its_end_alone() -> None:
-    found = compare_struts(straight(), straight() + np.array([8.0, 0.0, 0.0]))
-    np.testing.assert_allclose(found.distance[0], np.maximum(80.0 * U + 8.0 - 80.0, 0.0), atol=1e-9)
-    assert found.largest == pytest.approx(8.0)
+def test_the_outline_lies_just_outside_of_the_print() -> None:
+    picture = outline(disc(30.0))
+    y, x = np.mgrid[:101, :101] - 50
+    distance = np.hypot(x, y)
+    opaque = picture[..., 3] > 0
+    assert distance[opaque].min() > 30.0 and distance[opaque].max() < 33.0
+    light = opaque & (picture[..., :3] == LIGHT).all(axis=-1)
+    dark = opaque & (picture[..., :3] == DARK).all(axis=-1)
+    assert (light | dark)[opaque].all() and distance[light].mean() < distance[dark].mean()
 
 
-def test_a_turn_about_an_end_grows_with_the_distance_from_it() -> None:
-    angle = 0.3
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    found = compare_struts(straight(), straight() @ turn.T)
-    np.testing.assert_allclose(found.distance[0], 80.0 * U * np.sin(angle), atol=1e-9)
-    assert found.mean == pytest.approx(40.0 * np.sin(angle))
+def test_the_difference_has_a_colour_for_each_side_and_says_how_much_it_is() -> None:
+    print_, twin = disc(30.0), np.roll(disc(30.0), 10, axis=1)
+    picture, shares = difference(print_, twin)
+    only_print, only_twin = (print_ > 0) & (twin == 0), (twin > 0) & (print_ == 0)
+    assert (picture[only_print] == (*ONLY_PRINT, 255)).all() and (picture[only_twin] == (*ONLY_TWIN, 255)).all()
+    assert not picture[~(only_print | only_twin)].any()
+    # Two circles at a distance d of 10 and a radius r of 30: what one has alone, by the formula of their lens.
+    r, d = 30.0, 10.0
+    lens = 2.0 * r**2 * np.arccos(d / (2.0 * r)) - 0.5 * d * np.sqrt(4.0 * r**2 - d**2)
+    assert shares.left_out == pytest.approx(1.0 - lens / (np.pi * r**2), abs=0.01)
+    assert shares.left_out == pytest.approx(shares.beyond, abs=1e-9)
+    assert difference(print_, print_)[0].any() == np.False_
 
 
-def test_a_bow_is_as_far_as_it_is_deep() -> None:
-    bowed = straight()
-    bowed[0, 1:3, 2] -= 4.0  # 3/4 of which is the depth of the curve, -12 u (1 - u)
-    found = compare_struts(straight(), bowed)
-    np.testing.assert_allclose(found.distance[0], 12.0 * U * (1.0 - U), atol=1e-9)
-    assert found.largest == pytest.approx(3.0)
+def test_opacity_survives_the_file(tmp_path: Path) -> None:
+    picture = np.random.default_rng(4).integers(0, 256, (7, 5, 4), dtype=np.uint8)
+    (tmp_path / "a.png").write_bytes(png_with_alpha(picture))
+    found = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(found[..., [2, 1, 0, 3]], picture)
+    with pytest.raises(ValueError, match="with opacity"):
+        png_with_alpha(picture[..., :3])
 
 
-def test_struts_that_are_not_on_both_sides_are_left_out() -> None:
-    moved = straight(4) + np.array([1.0, 7.0, 3.0, 5.0])[:, None, None] * [0.0, 0.0, 1.0]
-    found = compare_struts(straight(4), moved, np.array([True, False, True, True]))
-    assert found.compared.tolist() == [True, False, True, True] and np.isnan(found.of_strut[1])
-    assert found.moved_most(2).tolist() == [3, 2] and found.moved_most(9).tolist() == [3, 2, 0]
-    assert found.mean == pytest.approx(3.0) and found.largest == pytest.approx(5.0)
-    nothing = compare_struts(straight(4), moved, np.zeros(4, dtype=bool))
-    assert np.isnan(nothing.mean) and np.isnan(nothing.largest) and not len(nothing.moved_most(3))
-
-
-def test_the_distance_from_a_bent_curve_is_that_of_a_fine_polyline() -> None:
-    rng = np.random.default_rng(4)
-    curves = straight(40) + rng.normal(scale=15.0, size=(40, 4, 3))
-    points = bezier.evaluate(curves, np.array([0.5]))[:, 0] + rng.normal(scale=20.0, size=(40, 3))
-    fine = bezier.evaluate(curves, np.linspace(0.0, 1.0, 20001))
-    wanted = np.linalg.norm(fine - points[:, None], axis=-1).min(axis=1)
-    np.testing.assert_allclose(distances_to_curves(points, curves), wanted, atol=1e-4)
-
-
-def test_other_struts_are_refused() -> None:
-    frame = tower()
-    check_comparable(frame, frame.replace(radius=2.0 * frame.radius), "A")
-    other, _ = frame.subset(np.arange(frame.strut_count) > 0)
-    with pytest.raises(InputError, match="A: struts: has .* choose another twin of the same plan"):
-        check_comparable(other, frame, "A")
+def test_a_run_is_compared_with_its_capture(tmp_path: Path) -> None:
+    made = simulate(named_frame("bridge"), SimulationSettings(views=3, size=(240, 320), peak=6.0, missing=1, seed=2))
+    write_simulation(tmp_path / "capture", made)
+    capture = read_capture(tmp_path / "capture")
+    write_run(tmp_path / "run", fit_capture(capture), capture)
+    told = compare(tmp_path / "capture", tmp_path / "run", tmp_path / "views")
+    assert [view["name"] for view in told["views"]] == [view.image.path.stem for view in capture.views]
+    for view, shares in zip(capture.views, told["views"], strict=True):
+        assert shares["left_out"] < 0.05 and shares["beyond"] < 0.05
+        for kind in ("outline", "difference"):
+            found = cv2.imread(str(tmp_path / "views" / kind / view.image.path.name), cv2.IMREAD_UNCHANGED)
+            assert found.shape == (240, 320, 4) and found[..., 3].any()

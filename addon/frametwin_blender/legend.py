@@ -21,8 +21,8 @@ from .translations import translated
 from .viewport_drawing import TEXT, ViewportDrawing, draw_bar, draw_bars, draw_field, write_words
 
 WIDTH, HEIGHT, MARGIN = 220, 14, 24  # pixels at a resolution scale of 1
-BARS = 40
-"""Height of the histogram."""
+BARS = 48
+"""Height of the histogram, words included."""
 
 GAP = 2
 """Between it and the bar of colours."""
@@ -133,12 +133,12 @@ def _draw_histogram(counts: np.ndarray, legend: Legend, left: float, low: float,
     draw_field(left, low, width, BARS * scale, BACKDROP)
     middles = (np.arange(len(counts)) + 0.5) / len(counts)
     first, last = legend.ends
-    room = (BARS - 2) * scale
+    room = (BARS - TEXT - 4) * scale
     draw_bars(left, low, width, room * counts / counts.max(), legend.colour_of(first + middles * (last - first)))
     at_right = counts[: len(counts) // 2].sum() > counts[len(counts) // 2 :].sum()
     words = translated("{} struts").format(round(float(counts.max())))
     x = left + width - 4 * scale if at_right else left + 4 * scale
-    write_words(words, x, low + (BARS - TEXT) * scale, scale, centred=1.0 if at_right else 0.0)
+    write_words(words, x, low + (BARS - TEXT + 1) * scale, scale, centred=1.0 if at_right else 0.0)
 
 
 def _draw_entries(entries: Sequence[Entry], left: float, low: float, columns: int, scale: float) -> float:
