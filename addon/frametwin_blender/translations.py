@@ -149,6 +149,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "95th percentile": ("95. Perzentil", "95 パーセンタイル"),
     "Highest": ("Höchster", "最高"),
     "Lowest": ("Niedrigster", "最低"),
+    "Radius Guessed": ("Radius geschätzt", "半径は推定"),
     "Strut": ("Stab", "部材"),
     "Suitable Colours": ("Passende Farben", "適した色"),
     "Sure": ("Sicher", "確か"),

@@ -16,6 +16,7 @@ from frametwin.blender.display.twins import TwinObjects
 from frametwin.blender.frames.strut_curves import (
     Attribute,
     Sampling,
+    first_points,
     read_attribute,
     recorded_frame,
     recorded_struts,
@@ -142,9 +143,7 @@ def comparison_of(obj: bpy.types.Object) -> Compared | None:
 
 def _write_distances(obj: bpy.types.Object, before: np.ndarray, after: np.ndarray) -> None:
     """Write the distance of an object's points on curves ``after`` (E, 4, 3) from ``before``, NaN where that is NaN."""
-    offsets = np.empty(len(obj.data.curve_offset_data), dtype=np.int32)
-    obj.data.curve_offset_data.foreach_get("value", offsets)
-    sampling = Sampling.of(np.diff(offsets) - 1)
+    sampling = Sampling.of(np.diff(first_points(obj.data)) - 1)
     known = np.isfinite(before[:, 0, 0])[sampling.strut]
     point, _ = sampling.points(after)
     distance = np.full(len(point), np.nan)

@@ -9,7 +9,7 @@ import numpy as np
 
 from frametwin.blender.display.colours import BINS, Legend, State
 from frametwin.blender.display.display_inputs import ATTRIBUTE, UNIT, get_input
-from frametwin.blender.frames.strut_curves import read_attribute
+from frametwin.blender.frames.strut_curves import first_points, read_attribute
 
 
 def histogram_of(objects: Iterable[bpy.types.Object], legend: Legend, bins: int = BINS) -> np.ndarray:
@@ -57,8 +57,7 @@ def _coloured_values(obj: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(0), np.zeros(0)
     values = read_attribute(obj.data, name).astype(np.float64) * float(get_input(obj, UNIT))
     printed = read_attribute(obj.data, "state") == State.PRINTED
-    offsets = np.empty(len(obj.data.curve_offset_data), dtype=np.int32)
-    obj.data.curve_offset_data.foreach_get("value", offsets)
+    offsets = first_points(obj.data)
     points = np.diff(offsets)  # (E,)
     share = np.repeat(printed / points, points)
     if obj.data.attributes.get("missing") is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from frametwin.blender.display.colouring import states_of
 from frametwin.blender.display.colours import LOOKS, MISSING_COLOUR, UNKNOWN_COLOUR, State
 from frametwin.blender.display.display_inputs import ATTRIBUTE, DASHES, GHOST, get_input
+from frametwin.blender.frames.strut_curves import first_points
 
 SOLID, DASHED, THIN = "solid", "dashed", "thin"
 
@@ -62,7 +63,7 @@ def _lack_values(obj: bpy.types.Object) -> bool:
     missing = _values(obj, "missing")
     if len(missing):
         unknown &= ~missing  # which has a colour of its own
-    return bool(unknown[np.repeat(printed, [len(curve.points) for curve in obj.data.curves])].any())
+    return bool(unknown[np.repeat(printed, np.diff(first_points(obj.data)))].any())
 
 
 def _values(obj: bpy.types.Object, name: str) -> np.ndarray:
