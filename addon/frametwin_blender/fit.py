@@ -20,6 +20,7 @@ from frametwin.twin.runs import load_run
 
 from . import session
 from .computing import can_compute, worker_job
+from .fit_settings import camera_changes, draw_mask, mask_parameters
 from .folders import fresh_folder, given_folder, work_folder
 from .in_view import hide, twin_shows
 from .plan import take_plan
@@ -41,13 +42,15 @@ def fit_job(context: bpy.types.Context) -> Job:
     Raises
     ------
     FrameTwinError
-        If the capture cannot be read.
+        If the capture cannot be read, or has not what the panel asks for.
     """
     settings, scene_now = settings_of(context), keep(context.scene)
     capture = given_folder(settings.fit.capture, "Capture")
-    truth = capture if read_capture(capture).truth is not None else None
+    content = read_capture(capture)
+    truth = capture if content.truth is not None else None
     out = fresh_folder(work_folder(context), "run")
     parameters = {"capture": capture, "preset": settings.fit.preset, "seed": settings.fit.seed}
+    parameters |= {**mask_parameters(context), "changes": camera_changes(context, content)}
     if settings.fit.warm:
         parameters["warm_start"] = start_run(context)
 
@@ -237,4 +240,30 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
         row.operator("frametwin.import_run", text="Import Run", icon="IMPORT")
 
 
-CLASSES = (FRAMETWIN_OT_open_capture, FRAMETWIN_OT_fit, FRAMETWIN_OT_import_run, FRAMETWIN_PT_fit)
+class FRAMETWIN_PT_fit_views(Panel, bpy.types.Panel):
+    """How photographs and their cameras are taken"""
+
+    bl_label = "Photographs"
+    bl_idname = "FRAMETWIN_PT_fit_views"
+    bl_parent_id = "FRAMETWIN_PT_fit"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings, layout = settings_of(context).fit, self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        draw_mask(layout, context)
+        if settings.preset == "fast":
+            column = layout.column(align=True)
+            column.prop(settings, "cameras")
+            row = column.row()
+            row.enabled = settings.cameras != "exact"
+            row.prop(settings, "anchor")
+
+
+CLASSES = (
+    FRAMETWIN_OT_open_capture,
+    FRAMETWIN_OT_fit,
+    FRAMETWIN_OT_import_run,
+    FRAMETWIN_PT_fit,
+    FRAMETWIN_PT_fit_views,
+)

@@ -10,6 +10,7 @@ from frametwin.blender.background.keeping import keep
 from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.display.prints import partly_printed
 from frametwin.blender.frames.plans import plan_from_object
+from frametwin.blender.views.comparisons import MASK
 from frametwin.blender.views.rigs import read_calibration, replace_rig
 from frametwin.cameras.rig_file import read_rig
 from frametwin.formats import frame_json
@@ -17,8 +18,10 @@ from frametwin.geometry.wireframe import Wireframe
 
 from . import masks, session
 from .computing import can_compute, worker_job
+from .fit_settings import draw_mask
 from .folders import fresh_folder, given_folder, work_folder
 from .import_rig import place_of_plan
+from .overlay import overlay_shown
 from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, needs, plan_of, settings_of, write_text
 
@@ -135,8 +138,17 @@ class FRAMETWIN_PT_photographs(Panel, bpy.types.Panel):
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context, False)
             layout.operator("frametwin.capture_pictures", text="Capture from Pictures", icon="IMAGE_DATA")
-        if settings.fit.capture and not draw_progress(layout, context, masks.TITLE):
-            layout.operator("frametwin.show_masks", text="Show Masks", icon="MOD_MASK")
+        if settings.fit.capture:
+            self._draw_masks(layout, context)
+
+    def _draw_masks(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        draw_mask(layout, context)
+        if draw_progress(layout, context, masks.TITLE):
+            return
+        shown = overlay_shown(context) == MASK
+        layout.operator("frametwin.show_masks", text="Show Masks", icon="MOD_MASK", depress=shown)
+        if shown:
+            write_text(layout, "Orange: print. Grey: unknown.", context)
 
     def _draw_pictures(self, layout: bpy.types.UILayout, pictures: bpy.types.PropertyGroup) -> None:
         column = layout.column(align=True)

@@ -130,7 +130,11 @@ def is_free(cls: type[Any]) -> bool:
 def write_text(
     layout: bpy.types.UILayout, text: str, context: bpy.types.Context, icon: str = "NONE", beside: float = 0.0
 ) -> None:
-    """A text on as many lines as the sidebar needs; ``beside`` is what else stands in the row, in pixels."""
+    """A text on as many lines as the sidebar needs; ``beside`` is what else stands in the row, in pixels.
+
+    A sentence that the catalogue has is translated before it is cut into lines.
+    """
+    text = bpy.app.translations.pgettext_iface(text, CONTEXT)
     scale = context.preferences.system.ui_scale
     width = (context.region.width if context.region else 260) / scale - (60 if icon != "NONE" else 36) - beside
     column = layout.column(align=True)

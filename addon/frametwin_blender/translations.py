@@ -128,6 +128,33 @@ WORDS: dict[str, tuple[str, str]] = {
     "Torn ends": ("Abgerissene Enden", "剥離した端"),
     "Uncertain": ("Unsicher", "不確か"),
     "With and without": ("Mit und ohne", "適応あり・なし"),
+    # photographs, and the fit of them
+    "Photographs": ("Fotografien", "写真撮影"),
+    "Import Rig": ("Kameras importieren", "カメラ配置をインポート"),
+    "Capture from Pictures": ("Aufnahme aus Bildern", "画像から撮影データ"),
+    "Show Masks": ("Masken zeigen", "マスクを表示"),
+    "Plan at": ("Plan bei", "設計の位置"),
+    "Turn": ("Drehung", "回転"),
+    "Before": ("Vorher", "造形前"),
+    "Moment": ("Zeitpunkt", "時点"),
+    "As in the plan": ("Wie im Plan", "設計のとおり"),
+    "Up to batch": ("Bis Abschnitt", "バッチまで"),
+    "Up to height": ("Bis Höhe", "高さまで"),
+    "Mask": ("Maske", "マスク"),
+    "In Any Light": ("In jedem Licht", "どの照明でも"),
+    "Paper's Rule": ("Regel des Artikels", "論文の規則"),
+    "Leave Out": ("Auslassen", "除外"),
+    "May Err": ("Dürfen irren", "誤差あり"),
+    "Exact": ("Exakt", "正確"),
+    "Anchor": ("Fester Halt", "基準"),
+    "More Probable": ("Wahrscheinlicheres", "確からしい方"),
+    "Feet": ("Füße", "脚"),
+    "Plate": ("Platte", "プレート"),
+    "For pictures of your own: import the rig of calibrated cameras.": (
+        "Für eigene Bilder: die kalibrierten Kameras importieren.",
+        "手持ちの画像には、校正済みカメラ配置をインポートします。",
+    ),
+    "Orange: print. Grey: unknown.": ("Orange: Druck. Grau: unbekannt.", "橙: 造形物。灰: 不明。"),
 }
 """English, German, Japanese."""
 

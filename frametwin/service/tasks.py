@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 from frametwin.twin.blending import blend
 from frametwin.twin.runs import fit_summary, load_run, read_truth, require_free
+
+if TYPE_CHECKING:
+    from frametwin.imaging.view_masks import Method
 
 
 def simulate(
@@ -79,6 +82,8 @@ def fit(
     seed: int = 0,
     changes: dict[str, Any] | None = None,
     warm_start: Path | None = None,
+    mask: str = "auto",
+    ignore: Path | None = None,
     overwrite: bool = False,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
@@ -88,7 +93,7 @@ def fit(
     ----------
     capture, out
         The folders.
-    preset, seed, changes, warm_start
+    preset, seed, changes, warm_start, mask, ignore
         As in `frametwin.fitting.api.fit_capture`.
     overwrite
         Whether a run in ``out`` may be replaced.
@@ -108,7 +113,16 @@ def fit(
     checked = convert_fields(kind, changes or {}, "changes", without=("preset", "seed"))
     settings_of(preset, seed, checked)
     views = read_capture(capture)
-    result = fit_capture(views, preset, seed=seed, changes=checked, warm_start=warm_start, callback=progress)
+    result = fit_capture(
+        views,
+        preset,
+        seed=seed,
+        changes=checked,
+        warm_start=warm_start,
+        mask=cast("Method", mask),
+        ignore=ignore,
+        callback=progress,
+    )
     write_run(out, result, views, overwrite=overwrite)
     return {"out": out, "preset": preset, "views": len(views.views), **fit_summary(result.twin, views.frame)}
 
