@@ -277,6 +277,58 @@ def hidden_things_come_back() -> Waits:
     assert plan.visible_get()
 
 
+def photographs_are_led_to_the_fit() -> Waits:
+    rig = write_rig_of(Path(settings().fit.capture))
+    yield from command("FrameTwin: Import Rig")
+    (browser,) = areas("FILE_BROWSER")
+    params = browser.spaces.active.params
+    params.directory, params.filename = str(rig).encode(), "rig.json"
+    region = region_of(browser)
+    yield from point_at(region, 0.5 * region.width, 0.3 * region.height)
+    yield from press("Return")
+    assert settings().rig.name == "workshop" and Path(settings().pictures.rig) == rig, settings().pictures.rig
+    settings().pictures.folder = str(Path(settings().fit.capture) / "images")
+    yield 2 * BLINK
+    shot("photographs")
+    if not addon("computing").has_python():
+        return  # the zip without wheels, and no Python that is named: there is nothing to read pictures with
+    before, runner = settings().fit.capture, addon("session").runner
+    yield from command("FrameTwin: Capture from Pictures")
+    yield from until(lambda: not runner.busy)
+    assert settings().fit.capture != before and not runner.status.error, runner.status.message
+    yield from command("FrameTwin: Show Masks")
+    yield from until(lambda: not runner.busy)
+    assert settings().cameras.overlay == "mask" and not runner.status.error, runner.status.message
+    yield 2 * BLINK
+    shot("masks")
+
+
+def open_panels(*names: str) -> None:
+    """Let panels of the tab be open, before they are drawn for the first time; they come last then."""
+    for name in names:
+        panel = getattr(addon(name), f"FRAMETWIN_PT_{name}")
+        bpy.utils.unregister_class(panel)
+        panel.bl_options = set()
+        bpy.utils.register_class(panel)
+
+
+def write_rig_of(capture: Path) -> Path:
+    """A rig folder of the cameras of a capture, as if they had been calibrated."""
+    from frametwin.blender.views.rigs import read_calibration
+    from frametwin.cameras.rig_file import Rig, RigCamera, write_rig
+
+    known = np.diag(np.square([*4 * [0.3], *5 * [1e-4], *3 * [1e-4], *3 * [0.05]]))
+    cameras = []
+    for camera in read_calibration(capture):
+        lens = np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *np.zeros(5)])
+        size = (camera.width, camera.height)
+        cameras.append(RigCamera(camera.name, *size, "OPENCV", lens, camera.camera_to_world, known))
+    folder = SCRATCH / "workshop"
+    folder.mkdir()
+    write_rig(folder, Rig(tuple(cameras), world="robot", date="2026-11-20T10:00:00"))
+    return folder
+
+
 STEPS = (
     every_command_by_f3,
     the_grid_is_seen,
@@ -287,6 +339,7 @@ STEPS = (
     the_legend_is_seen,
     hidden_things_come_back,
     the_inspect_workspace,
+    photographs_are_led_to_the_fit,
 )
 
 
@@ -323,6 +376,7 @@ def shot(name: str) -> None:
 
 def play() -> Waits:
     area = view()
+    open_panels("photographs")
     area.spaces.active.show_region_ui = True
     yield 2 * BLINK
     region_of(area, "UI").active_panel_category = "FrameTwin"
