@@ -77,12 +77,12 @@ def job(capture: Path, run: Path) -> Job:
     return Job(
         title="Fit",
         request="fit",
-        parameters={"capture": capture, "out": run},
+        parameters={"capture": capture, "out": run, "hand_over": True},
         worker=lambda: WorkerClient(find_python()),
         kind="python",
         on_curves=lambda curves: show_preview(curves, scene),
         clear=lambda: remove_preview(scene),
-        load=lambda answer: TwinContent.read(answer["out"], capture),
+        load=TwinContent.handed_over,
         finish=finish,
     )
 

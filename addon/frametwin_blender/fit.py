@@ -47,9 +47,8 @@ def fit_job(context: bpy.types.Context) -> Job:
     settings, scene_now = settings_of(context), keep(context.scene)
     capture = given_folder(settings.fit.capture, "Capture")
     content = read_capture(capture)
-    truth = capture if content.truth is not None else None
     out = fresh_folder(work_folder(context), "run")
-    parameters = {"capture": capture, "preset": settings.fit.preset, "seed": settings.fit.seed}
+    parameters = {"capture": capture, "preset": settings.fit.preset, "seed": settings.fit.seed, "hand_over": True}
     parameters |= {**mask_parameters(context), "changes": camera_changes(context, content)}
     if settings.fit.warm:
         parameters["warm_start"] = start_run(context)
@@ -73,7 +72,7 @@ def fit_job(context: bpy.types.Context) -> Job:
         stages=STAGES,
         on_curves=lambda curves: show_preview(curves, scene_now()),
         clear=remove_preview,
-        load=lambda answer: TwinContent.read(answer["out"], truth),
+        load=TwinContent.handed_over,
     )
 
 

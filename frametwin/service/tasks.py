@@ -14,6 +14,7 @@ from frametwin.geometry.displacement import largest_displacement
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 from frametwin.twin.blending import blend
+from frametwin.twin.handing_over import handed_over
 from frametwin.twin.runs import fit_summary, load_run, read_truth, require_free
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def fit(
     mask: str = "auto",
     ignore: Path | None = None,
     overwrite: bool = False,
+    hand_over: bool = False,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
     """Find the twin of a capture and write a run folder.
@@ -97,13 +99,16 @@ def fit(
         As in `frametwin.fitting.api.fit_capture`.
     overwrite
         Whether a run in ``out`` may be replaced.
+    hand_over
+        Whether the answer also holds the twin; see `frametwin.twin.handing_over`.
     progress
         See `ProgressCallback`.
 
     Returns
     -------
     ``out``, ``preset``, ``views``, ``frame``, ``struts``, ``printed``, ``missing`` and ``uncertain`` struts, ``loss``,
-    ``seconds`` and ``timing``: what ``frametwin fit --json`` prints. The twin itself is read from the folder.
+    ``seconds`` and ``timing``: what ``frametwin fit --json`` prints. The twin itself is read from the folder, or is
+    under ``run``.
     """
     from frametwin.capture.capture import read_capture
     from frametwin.fitting.api import fit_capture, settings_of, write_run
@@ -124,7 +129,11 @@ def fit(
         callback=progress,
     )
     write_run(out, result, views, overwrite=overwrite)
-    return {"out": out, "preset": preset, "views": len(views.views), **fit_summary(result.twin, views.frame)}
+    told = {"out": out, "preset": preset, "views": len(views.views), **fit_summary(result.twin, views.frame)}
+    if hand_over:
+        truth = None if views.truth is None else read_truth(capture, views.frame)
+        told["run"] = handed_over(result.twin, views.frame, truth)
+    return told
 
 
 def evaluate(run: Path, truth: Path) -> dict[str, Any]:
