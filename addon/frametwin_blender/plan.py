@@ -25,6 +25,7 @@ from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.wording import enumerated
 
+from .file_formats import READ_UNITS, draw_import, in_mm
 from .frames_offered import FRAME_ITEMS
 from .in_view import hide_boxes_around, make_way
 from .steps import FileStep, Panel, Step, draw_chosen, needs, plan_of, settings_of, write_text
@@ -108,7 +109,7 @@ class FRAMETWIN_OT_add_frame(Step, bpy.types.Operator):
 
 
 class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
-    """Read a frame file as the plan: frame.json, assembly or COMPAS JSON, OBJ lines, Node/Edge text, DXF, 3dm; in mm"""
+    """Read a frame file as the plan: frame.json, assembly or COMPAS JSON, OBJ, Node/Edge text, DXF, 3dm, meshes"""
 
     bl_idname = "frametwin.import_frame"
     bl_label = "FrameTwin: Import Frame"
@@ -119,8 +120,16 @@ class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
         default="*.json;*.obj;*.txt;*.dxf;*.3dm;*.stl;*.ply;*.off;*.glb;*.gltf", options={"HIDDEN"}
     )
 
+    unit: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Unit", description="Of the lengths in the file, where it does not state one", items=READ_UNITS
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        draw_import(self.layout, self, context)
+
     def act(self, context: bpy.types.Context) -> str:
-        return take_frame(context, read_importable(Path(bpy.path.abspath(self.filepath))))
+        path = Path(bpy.path.abspath(self.filepath))
+        return take_frame(context, in_mm(read_importable(path), self.unit, path))
 
 
 def read_importable(path: Path) -> Wireframe:

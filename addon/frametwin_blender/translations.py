@@ -128,6 +128,17 @@ WORDS: dict[str, tuple[str, str]] = {
     "Torn ends": ("Abgerissene Enden", "剥離した端"),
     "Uncertain": ("Unsicher", "不確か"),
     "With and without": ("Mit und ohne", "適応あり・なし"),
+    # files
+    "Format": ("Format", "形式"),
+    "Unit": ("Einheit", "単位"),
+    "As the File Says": ("Wie die Datei sagt", "ファイルのとおり"),
+    "Millimetres": ("Millimeter", "ミリメートル"),
+    "Centimetres": ("Zentimeter", "センチメートル"),
+    "Metres": ("Meter", "メートル"),
+    "Inches": ("Zoll", "インチ"),
+    "Lines": ("Linien", "線"),
+    "Table": ("Tabelle", "表"),
+    "In millimetres.": ("In Millimetern.", "ミリメートル単位。"),
     # photographs, and the fit of them
     "Photographs": ("Fotografien", "写真撮影"),
     "Import Rig": ("Kameras importieren", "カメラ配置をインポート"),

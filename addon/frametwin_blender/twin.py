@@ -23,10 +23,10 @@ from frametwin.errors import InputError
 from frametwin.twin.verdict import GOOD, Verdict
 
 from .display_inputs import draw_input
+from .file_formats import FORMATS, UNIT_ITEMS, FrameExport
 from .in_view import show_twin
 from .steps import (
     Panel,
-    SaveStep,
     Step,
     draw_chosen,
     draw_shown,
@@ -167,7 +167,7 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
         see(context, places_of(context, shown))
 
 
-class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
+class FRAMETWIN_OT_export_twin(FrameExport, _TwinStep, bpy.types.Operator):
     """Write the twin: a frame file (.json), lines (.obj), or a table of every strut's values (.csv)"""
 
     bl_idname = "frametwin.export_twin"
@@ -177,13 +177,15 @@ class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.json;*.obj;*.csv", options={"HIDDEN"})  # type: ignore[valid-type]
     check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
+    format: bpy.props.EnumProperty(name="Format", items=FORMATS)  # type: ignore[valid-type]
+    unit: bpy.props.EnumProperty(name="Unit", description="Of the lines", items=UNIT_ITEMS)  # type: ignore[valid-type]
 
     def default_name(self, context: bpy.types.Context) -> str:
         return twin_of(context).name
 
     def act(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))
-        export_twin(find_twin(twin_of(context)), path)
+        export_twin(find_twin(twin_of(context)), path, self.unit)
         return f"Wrote {path}"
 
 
