@@ -27,6 +27,7 @@ from . import (
     properties,
     render,
     session,
+    setting_presets,
     show_hide,
     status,
     support,
@@ -45,7 +46,7 @@ MODULES = (
 
 WITHOUT_PANELS = (
     *(session, show_hide, support, opening, overlay, import_rig, masks),
-    *(inspect_view, pick_strut, menus),
+    *(inspect_view, pick_strut, menus, setting_presets),
 )
 OPTIONAL = (set_up,) if computing.HAS_SET_UP else ()
 CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS, *OPTIONAL) for cls in module.CLASSES)
@@ -62,9 +63,11 @@ def register() -> None:
     status.register()
     menus.register()
     inspect_struts.register()
+    setting_presets.register()
 
 
 def unregister() -> None:
+    setting_presets.unregister()
     inspect_struts.unregister()
     menus.unregister()
     status.unregister()

@@ -18,6 +18,7 @@ from frametwin.geometry.wireframe import Wireframe
 
 from .folders import given_folder
 from .overlay import draw_overlay
+from .setting_presets import FRAMETWIN_PT_rig_presets
 from .steps import FileStep, Panel, Step, needs, plan_of, print_of, rig_of, settings_of, write_text
 from .views import (
     change_picture,
@@ -171,6 +172,9 @@ class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
     bl_label = "Cameras"
     bl_idname = "FRAMETWIN_PT_cameras"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        FRAMETWIN_PT_rig_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context), self.layout

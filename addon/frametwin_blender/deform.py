@@ -17,6 +17,7 @@ from . import session
 from .computing import can_compute, worker_job
 from .in_view import hide_for_print
 from .preferences import draw_python
+from .setting_presets import FRAMETWIN_PT_deform_presets
 from .steps import Panel, Step, draw_progress, draw_shown, needs, plan_of, print_of, settings_of, write_text
 
 TITLE = "Deform"
@@ -102,6 +103,9 @@ class FRAMETWIN_PT_deform(Panel, bpy.types.Panel):
     bl_label = "Deform"
     bl_idname = "FRAMETWIN_PT_deform"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        FRAMETWIN_PT_deform_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

@@ -22,9 +22,9 @@ UNIT_ITEMS = tuple((unit, NAMES[unit], f"A unit is {millimetres:g} mm") for unit
 READ_UNITS = ((OF_FILE, "As the File Says", "Millimetres where the file does not say"), *UNIT_ITEMS)
 
 FORMATS = (
-    (".json", "Frame", "frame.json: everything, in mm"),
-    (".obj", "Lines", "OBJ: the shape alone"),
-    (".csv", "Table", "CSV: a row for every strut, a column for every quantity"),
+    (".json", "Frame (.json)", "frame.json: everything, in mm"),
+    (".obj", "Lines (.obj)", "OBJ: the shape alone"),
+    (".csv", "Table (.csv)", "CSV: a row for every strut, a column for every quantity"),
 )
 
 KINDS = {

@@ -26,6 +26,7 @@ from .in_view import hide, twin_shows
 from .plan import take_plan
 from .preferences import draw_python
 from .recolour import show_colours, wanted_colours
+from .setting_presets import FRAMETWIN_PT_fit_presets
 from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, write_text
 from .views import see
 
@@ -218,6 +219,9 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
     bl_label = "Fit"
     bl_idname = "FRAMETWIN_PT_fit"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        FRAMETWIN_PT_fit_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).fit, self.layout
