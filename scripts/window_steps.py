@@ -185,6 +185,49 @@ def the_import_dialog() -> Waits:
     assert not areas("FILE_BROWSER") and settings().about_plan.struts == 156
 
 
+def the_rig_is_dragged() -> Waits:
+    yield from command("FrameTwin: Make Rig")
+    bpy.ops.object.select_all(action="DESELECT")
+    region = region_of(view())
+    middle = 0.4 * region.width, 0.5 * region.height
+    camera = min(settings().rig.objects, key=lambda obj: np.linalg.norm(np.subtract(pixel_at(obj), middle)))
+    camera.select_set(True)
+    bpy.context.view_layer.objects.active = camera
+    bpy.ops.ed.undo_push(message="selected")
+    yield 2 * BLINK
+    begin = np.array(pixel_at(camera))
+    away = np.subtract(pixel_at(camera, 0.2), begin)
+    away /= np.linalg.norm(away)
+    before, place = settings().cameras.distance, camera.matrix_world.translation.copy()
+    scale = bpy.context.preferences.system.ui_scale
+    head = 60.0 * scale  # of the arrow, whose size Blender keeps
+    yield from point_at(region, *(begin + head * away))
+    xdotool("mousedown", 1)
+    yield BLINK
+    for step in range(1, 6):
+        xdotool("mousemove", *to_screen(region, *(begin + (head + 12.0 * step) * away)))
+        yield BLINK
+    xdotool("mouseup", 1)
+    yield 2 * BLINK
+    assert settings().cameras.distance > before + 0.02, settings().cameras.distance
+    assert (camera.matrix_world.translation - place).length > 5.0
+    shot("dragged")
+    yield from point_at(region, *middle)
+    yield from press("ctrl+z")
+    assert settings().cameras.distance == before
+    yield BLINK
+
+
+def pixel_at(obj: bpy.types.Object, back: float = 0.0) -> tuple[float, float]:
+    """Where a camera is in the 3D view, or what lies behind it by a share of its distance from the origin."""
+    from bpy_extras.view3d_utils import location_3d_to_region_2d
+
+    place = obj.matrix_world.translation
+    behind = place + back * place.length * obj.matrix_world.to_3x3().col[2]
+    x, y = location_3d_to_region_2d(region_of(view()), view().spaces.active.region_3d, behind)
+    return float(x), float(y)
+
+
 def escape_cancels() -> Waits:
     settings().render.folder = str(SCRATCH / "work")
     settings().cameras.count, settings().cameras.width, settings().cameras.height = 4, 400, 300
@@ -333,6 +376,7 @@ STEPS = (
     every_command_by_f3,
     the_grid_is_seen,
     the_import_dialog,
+    the_rig_is_dragged,
     escape_cancels,
     side_by_side,
     files_are_dropped,

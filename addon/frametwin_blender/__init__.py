@@ -26,6 +26,7 @@ from . import (
     printing,
     properties,
     render,
+    rig_gizmo,
     session,
     setting_presets,
     show_hide,
@@ -46,7 +47,7 @@ MODULES = (
 
 WITHOUT_PANELS = (
     *(session, show_hide, support, opening, overlay, import_rig, masks),
-    *(inspect_view, pick_strut, menus, setting_presets),
+    *(inspect_view, pick_strut, menus, setting_presets, rig_gizmo),
 )
 OPTIONAL = (set_up,) if computing.HAS_SET_UP else ()
 CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS, *OPTIONAL) for cls in module.CLASSES)

@@ -11,6 +11,7 @@ import numpy as np
 from frametwin.blender.display.prints import read_print
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.blender.views.captures import PICTURE, next_camera, show_pictures
+from frametwin.blender.views.rig_distance import remember_distance
 from frametwin.blender.views.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
@@ -74,6 +75,7 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
         cameras, target = wanted_cameras(context)
         settings = settings_of(context)
         settings.rig = replace_rig(settings.rig, cameras, context.scene, target)
+        remember_distance(settings.rig, cameras, target, settings.cameras.distance)
         places = np.array([camera.centre for camera in cameras])
         see(context, np.concatenate([places, target.vertices]) / mm_per_unit(context.scene))
         return f"{len(cameras)} cameras"

@@ -21,7 +21,7 @@ from frametwin.blender.display.twins import is_twin
 
 from .fit_settings import FrameTwinFit
 from .frames_offered import FRAME_ITEMS
-from .in_view import can_be_chosen, plan_chosen, twin_chosen
+from .in_view import can_be_chosen, distance_changed, plan_chosen, twin_chosen
 from .picture_settings import FrameTwinPictures
 from .recolour import recolour_active, recolour_afresh, restyle_active
 from .translations import in_own_context
@@ -143,7 +143,9 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         default=1.0,
         min=0.5,
         max=20.0,
-        description="Multiple of the least distance from which a camera sees the whole frame",
+        description="Multiple of the least distance from which a camera sees the whole frame; a rig that was made"
+        " follows, and so does the arrow at a selected camera",
+        update=distance_changed,
     )
     low: FloatProperty(  # type: ignore[valid-type]
         name="Low Angle",

@@ -70,7 +70,7 @@ class FRAMETWIN_OT_add_rig_preset(_AddPreset, bpy.types.Operator):
     """Add or remove a preset of the rig"""
 
     bl_idname = "frametwin.add_rig_preset"
-    bl_label = "Add Rig Preset"
+    bl_label = "FrameTwin: Add Rig Preset"
     preset_menu = "FRAMETWIN_PT_rig_presets"
     preset_subdir = "frametwin/rig"
     preset_defines: ClassVar = ["rig = bpy.context.scene.frametwin.cameras"]
@@ -83,7 +83,7 @@ class FRAMETWIN_OT_add_deform_preset(_AddPreset, bpy.types.Operator):
     """Add or remove a preset of the deformation"""
 
     bl_idname = "frametwin.add_deform_preset"
-    bl_label = "Add Deform Preset"
+    bl_label = "FrameTwin: Add Deform Preset"
     preset_menu = "FRAMETWIN_PT_deform_presets"
     preset_subdir = "frametwin/deform"
     preset_defines: ClassVar = ["deform = bpy.context.scene.frametwin.deform"]
@@ -97,7 +97,7 @@ class FRAMETWIN_OT_add_fit_preset(_AddPreset, bpy.types.Operator):
     """Add or remove a preset of the fit"""
 
     bl_idname = "frametwin.add_fit_preset"
-    bl_label = "Add Fit Preset"
+    bl_label = "FrameTwin: Add Fit Preset"
     preset_menu = "FRAMETWIN_PT_fit_presets"
     preset_subdir = "frametwin/fit"
     preset_defines: ClassVar = ["fit = bpy.context.scene.frametwin.fit"]
