@@ -23,6 +23,7 @@ from .computing import can_compute, worker_job
 from .fit_settings import camera_changes, draw_mask, mask_parameters
 from .folders import fresh_folder, given_folder, work_folder
 from .in_view import hide, twin_shows
+from .layouts import ICON, begin, buttons, field
 from .plan import take_plan
 from .preferences import draw_python
 from .recolour import show_colours, wanted_colours
@@ -225,20 +226,20 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).fit, self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
+        begin(layout, context)
         if not settings.capture:
             write_text(layout, "Render a capture, or choose a folder with your own pictures.", context, "INFO")
         column = layout.column(align=True)
-        column.prop(settings, "capture")
-        column.prop(settings, "preset")
+        field(column, context, settings, "capture")
+        field(column, context, settings, "preset")
         if settings.preset != "fast":
-            column.prop(settings, "seed")
+            field(column, context, settings, "seed")
         elif twin_of(context) is not None:
-            column.prop(settings, "warm")
+            field(column, context, settings, "warm")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context, settings.preset != "fast")
             layout.operator("frametwin.fit", text="Fit", icon="MOD_FLUIDSIM")
-        row = layout.row(align=True)
+        row = buttons(layout, context, "Open Capture", "Import Run", more=ICON)
         row.operator("frametwin.open_capture", text="Open Capture", icon="SCENE_DATA")
         row.operator("frametwin.import_run", text="Import Run", icon="IMPORT")
 
@@ -253,14 +254,14 @@ class FRAMETWIN_PT_fit_views(Panel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).fit, self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
+        begin(layout, context)
         draw_mask(layout, context)
         if settings.preset == "fast":
             column = layout.column(align=True)
-            column.prop(settings, "cameras")
-            row = column.row()
-            row.enabled = settings.cameras != "exact"
-            row.prop(settings, "anchor")
+            field(column, context, settings, "cameras")
+            part = column.column(align=True)
+            part.enabled = settings.cameras != "exact"
+            field(part, context, settings, "anchor")
 
 
 CLASSES = (

@@ -10,6 +10,7 @@ from frametwin.capture.capture import Capture
 from frametwin.errors import InputError
 
 from .folders import given_folder
+from .layouts import field
 from .picture_settings import FOLDER
 from .steps import settings_of
 
@@ -109,8 +110,8 @@ def camera_changes(context: bpy.types.Context, capture: Capture) -> dict[str, st
 def draw_mask(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """How photographs become masks."""
     fit, column = settings_of(context).fit, layout.column(align=True)
-    column.prop(fit, "mask")
-    column.prop(fit, "ignore")
+    field(column, context, fit, "mask")
+    field(column, context, fit, "ignore")
 
 
 CLASSES = ()

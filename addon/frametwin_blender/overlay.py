@@ -18,6 +18,7 @@ from . import session
 from .computing import can_compute, worker_job
 from .fit_settings import mask_parameters
 from .folders import fresh_folder, given_folder
+from .layouts import BUTTON, field, fit
 from .properties import OVERLAYS
 from .steps import Step, draw_progress, needs, rig_of, settings_of, twin_of, write_text
 from .views import look_through_camera
@@ -142,16 +143,17 @@ def overlay_shown(context: bpy.types.Context) -> str:
 def draw_overlay(layout: bpy.types.UILayout, context: bpy.types.Context, rig: bpy.types.Collection) -> None:
     """A button for each way to lay pictures over the cameras' views, and how they are drawn."""
     wanted, shown = settings_of(context).cameras, overlay_shown(context)
-    row = layout.row(align=True)
+    beside = fit(context, *(name for _, name, _ in OVERLAYS), more=BUTTON / len(OVERLAYS))
+    row = layout.row(align=True) if beside else layout.column(align=True)
     for key, name, _ in OVERLAYS:
         row.operator("frametwin.show_pictures", text=name, depress=shown == key).mode = key
-    row.operator("frametwin.hide_pictures", text="", icon="X")
+    row.operator("frametwin.hide_pictures", text="" if beside else "Hide Pictures", icon="X")
     draw_progress(layout, context, TITLE)
     if shown == "difference":
         write_text(layout, "Orange: print without twin. Blue: twin without print.", context)
     if wanted.overlay == "picture":
-        layout.prop(wanted, "opacity")
-        layout.prop(wanted, "front")
+        field(layout, context, wanted, "opacity")
+        field(layout, context, wanted, "front")
 
 
 CLASSES = (FRAMETWIN_OT_show_pictures, FRAMETWIN_OT_hide_pictures)

@@ -13,6 +13,59 @@ CONTEXT = "FrameTwin"
 LANGUAGES = ("de_DE", "ja_JP")
 
 WORDS: dict[str, tuple[str, str]] = {
+    # files
+    "Format": ("Format", "形式"),
+    "Unit": ("Einheit", "単位"),
+    "As the File Says": ("Wie die Datei sagt", "ファイルのとおり"),
+    "Millimetres": ("Millimeter", "ミリメートル"),
+    "Centimetres": ("Zentimeter", "センチメートル"),
+    "Metres": ("Meter", "メートル"),
+    "Inches": ("Zoll", "インチ"),
+    "Frame (.json)": ("Fachwerk (.json)", "フレーム (.json)"),
+    "Lines (.obj)": ("Linien (.obj)", "線 (.obj)"),
+    "Table (.csv)": ("Tabelle (.csv)", "表 (.csv)"),
+    "In millimetres.": ("In Millimetern.", "ミリメートル単位。"),
+    # presets
+    "As in the Paper": ("Wie im Artikel", "論文のとおり"),
+    "Broken Struts": ("Gebrochene Stäbe", "折れた部材"),
+    "Dome of 16": ("Kuppel aus 16", "16台のドーム"),
+    "Eight Webcams Full HD": ("Acht Webcams Full HD", "ウェブカメラ8台 Full HD"),
+    "Fresh Print": ("Frischer Druck", "造形直後"),
+    "Half Printed": ("Halb gedruckt", "半分造形済み"),
+    "Photographs with Plate": ("Fotografien mit Platte", "プレート付き写真"),
+    "Quick Try": ("Schneller Versuch", "簡単な試行"),
+    "Rendered Pictures": ("Gerenderte Bilder", "レンダー画像"),
+    "Wrong Calibration": ("Falsche Kalibrierung", "誤った校正"),
+    # photographs, and the fit of them
+    "Photographs": ("Fotografien", "写真撮影"),
+    "Import Rig": ("Kameras importieren", "カメラ配置をインポート"),
+    "Capture from Pictures": ("Aufnahme aus Bildern", "画像から撮影データ"),
+    "Show Masks": ("Masken zeigen", "マスクを表示"),
+    "Plan at": ("Plan bei", "設計の位置"),
+    "Turn": ("Drehung", "回転"),
+    "Before": ("Vorher", "造形前"),
+    "Moment": ("Zeitpunkt", "時点"),
+    "As in the plan": ("Wie im Plan", "設計のとおり"),
+    "Up to batch": ("Bis Abschnitt", "バッチまで"),
+    "Up to height": ("Bis Höhe", "高さまで"),
+    "Mask": ("Maske", "マスク"),
+    "In Any Light": ("In jedem Licht", "どの照明でも"),
+    "Paper's Rule": ("Regel des Artikels", "論文の規則"),
+    "Leave Out": ("Auslassen", "除外"),
+    "May Err": ("Dürfen irren", "誤差あり"),
+    "Exact": ("Exakt", "正確"),
+    "Anchor": ("Fester Halt", "基準"),
+    "More Probable": ("Wahrscheinlicheres", "確からしい方"),
+    "Feet": ("Füße", "脚"),
+    "Plate": ("Platte", "プレート"),
+    "For pictures of your own: import the rig of calibrated cameras.": (
+        "Für eigene Bilder: die kalibrierten Kameras importieren.",
+        "手持ちの画像には、校正済みカメラ配置をインポートします。",
+    ),
+    "Orange: print. Grey: unknown.": ("Orange: Druck. Grau: unbekannt.", "橙: 造形物。灰: 不明。"),
+    # narrow panels
+    "Hide Pictures": ("Bilder ausblenden", "画像を隠す"),
+    "Make Capture": ("Aufnahme anlegen", "撮影データ作成"),
     # panels
     "Plan": ("Plan", "設計"),
     "Deform": ("Verformen", "変形"),
@@ -66,7 +119,7 @@ WORDS: dict[str, tuple[str, str]] = {
     # settings
     "Automatic Range": ("Automatischer Bereich", "自動範囲"),
     "Batch": ("Abschnitt", "バッチ"),
-    "Batch Size": ("Abschnittsgröße", "バッチの大きさ"),
+    "Batch Size": ("Je Abschnitt", "バッチの大きさ"),
     "Capture": ("Aufnahme", "撮影データ"),
     "Colour by": ("Färben nach", "色分け"),
     "Completeness": ("Vollständigkeit", "完全性"),
@@ -86,7 +139,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "Rig": ("Kameraaufbau", "カメラ配置"),
     "Share": ("Anteil", "割合"),
     "Simulate": ("Simulieren", "シミュレート"),
-    "Start at This Twin": ("Bei diesem Zwilling beginnen", "このツインから開始"),
+    "Start at This Twin": ("Hier beginnen", "このツインから開始"),
     "View Angle": ("Bildwinkel", "画角"),
     "Width": ("Breite", "幅"),
     "Height": ("Höhe", "高さ"),
@@ -128,56 +181,6 @@ WORDS: dict[str, tuple[str, str]] = {
     "Torn ends": ("Abgerissene Enden", "剥離した端"),
     "Uncertain": ("Unsicher", "不確か"),
     "With and without": ("Mit und ohne", "適応あり・なし"),
-    # files
-    "Format": ("Format", "形式"),
-    "Unit": ("Einheit", "単位"),
-    "As the File Says": ("Wie die Datei sagt", "ファイルのとおり"),
-    "Millimetres": ("Millimeter", "ミリメートル"),
-    "Centimetres": ("Zentimeter", "センチメートル"),
-    "Metres": ("Meter", "メートル"),
-    "Inches": ("Zoll", "インチ"),
-    "Frame (.json)": ("Fachwerk (.json)", "フレーム (.json)"),
-    "Lines (.obj)": ("Linien (.obj)", "線 (.obj)"),
-    "Table (.csv)": ("Tabelle (.csv)", "表 (.csv)"),
-    "In millimetres.": ("In Millimetern.", "ミリメートル単位。"),
-    # presets
-    "As in the Paper": ("Wie im Artikel", "論文のとおり"),
-    "Broken Struts": ("Gebrochene Stäbe", "折れた部材"),
-    "Dome of 16": ("Kuppel aus 16", "16台のドーム"),
-    "Eight Webcams Full HD": ("Acht Webcams Full HD", "ウェブカメラ8台 Full HD"),
-    "Fresh Print": ("Frischer Druck", "造形直後"),
-    "Half Printed": ("Halb gedruckt", "半分造形済み"),
-    "Photographs with Plate": ("Fotografien mit Platte", "プレート付き写真"),
-    "Quick Try": ("Schneller Versuch", "簡単な試行"),
-    "Rendered Pictures": ("Gerenderte Bilder", "レンダー画像"),
-    "Wrong Calibration": ("Falsche Kalibrierung", "誤った校正"),
-    # photographs, and the fit of them
-    "Photographs": ("Fotografien", "写真撮影"),
-    "Import Rig": ("Kameras importieren", "カメラ配置をインポート"),
-    "Capture from Pictures": ("Aufnahme aus Bildern", "画像から撮影データ"),
-    "Show Masks": ("Masken zeigen", "マスクを表示"),
-    "Plan at": ("Plan bei", "設計の位置"),
-    "Turn": ("Drehung", "回転"),
-    "Before": ("Vorher", "造形前"),
-    "Moment": ("Zeitpunkt", "時点"),
-    "As in the plan": ("Wie im Plan", "設計のとおり"),
-    "Up to batch": ("Bis Abschnitt", "バッチまで"),
-    "Up to height": ("Bis Höhe", "高さまで"),
-    "Mask": ("Maske", "マスク"),
-    "In Any Light": ("In jedem Licht", "どの照明でも"),
-    "Paper's Rule": ("Regel des Artikels", "論文の規則"),
-    "Leave Out": ("Auslassen", "除外"),
-    "May Err": ("Dürfen irren", "誤差あり"),
-    "Exact": ("Exakt", "正確"),
-    "Anchor": ("Fester Halt", "基準"),
-    "More Probable": ("Wahrscheinlicheres", "確からしい方"),
-    "Feet": ("Füße", "脚"),
-    "Plate": ("Platte", "プレート"),
-    "For pictures of your own: import the rig of calibrated cameras.": (
-        "Für eigene Bilder: die kalibrierten Kameras importieren.",
-        "手持ちの画像には、校正済みカメラ配置をインポートします。",
-    ),
-    "Orange: print. Grey: unknown.": ("Orange: Druck. Grau: unbekannt.", "橙: 造形物。灰: 不明。"),
 }
 """English, German, Japanese."""
 
@@ -187,6 +190,11 @@ def in_own_context(classes: Iterable[type]) -> None:
     for cls in classes:
         for deferred in getattr(cls, "__annotations__", {}).values():
             deferred.keywords.setdefault("translation_context", CONTEXT)
+
+
+def translated(words: str) -> str:
+    """Words that are drawn into the view, in the language of the interface."""
+    return str(bpy.app.translations.pgettext_iface(words, CONTEXT))
 
 
 def catalogue() -> dict[str, dict[tuple[str, str], str]]:

@@ -25,6 +25,7 @@ from frametwin.twin.verdict import GOOD, Verdict
 from .display_inputs import draw_input
 from .file_formats import FORMATS, UNIT_ITEMS, FrameExport
 from .in_view import show_twin
+from .layouts import buttons, is_narrow
 from .steps import (
     Panel,
     Step,
@@ -37,6 +38,7 @@ from .steps import (
     twin_of,
     write_text,
 )
+from .translations import translated
 from .views import see
 
 REASONS = 3
@@ -278,7 +280,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             rows = (("Mean", numbers.mean), ("95th percentile", numbers.p95), ("Highest", numbers.max))
         box = layout.box().column(align=True)
         for name, value in rows:
-            row = box.row()
+            row = box.column() if is_narrow(bpy.context) else box.row()
             row.label(text=name)
             figure = row.row()
             figure.alignment = "RIGHT"
@@ -290,15 +292,16 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("frametwin.step_strut", text="", icon="TRIA_LEFT").step = -1
         row.operator("frametwin.select_struts", text="Worst").kind = "worst"
-        row.prop(view, "count", text="")
+        (layout if is_narrow(bpy.context) else row).prop(view, "count", text="")
         row.operator("frametwin.step_strut", text="", icon="TRIA_RIGHT").step = 1
         if view.at_words:
             layout.label(text=view.at_words)
-        row = layout.row(align=True)
-        for kind, count in counts.items():
+        texts = {kind: f"{count} {translated(kind)}" for kind, count in counts.items()}
+        row = buttons(layout, bpy.context, *texts.values())
+        for kind, text in texts.items():
             sub = row.row(align=True)
-            sub.enabled = count > 0
-            sub.operator("frametwin.select_struts", text=f"{count} {kind}").kind = kind
+            sub.enabled = counts[kind] > 0
+            sub.operator("frametwin.select_struts", text=text).kind = kind
         layout.operator("frametwin.leave_struts", text="Whole Twin", icon="OBJECT_DATAMODE")
 
     def _draw_objects(

@@ -298,7 +298,7 @@ def test_the_reasons_of_a_verdict_are_read_in_the_sidebar(lab: Any) -> None:
     whole = " ".join(line for line in lines.texts if line)
     assert f"{touched[0].upper()}{touched[1:]}." in whole and f"{seen[0].upper()}{seen[1:]}." in whole
     assert whole.endswith("2 more in twin.json of the run.")
-    assert max(len(line) for line in lines.texts) * cases.addon("steps").CHARACTER < 260
+    assert max(len(line) for line in lines.texts) * cases.addon("layouts").CHARACTER < 260
 
 
 def test_the_panel_leads_from_the_rig_to_the_masks(lab: Any, tmp_path: Path) -> None:
