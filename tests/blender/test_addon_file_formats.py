@@ -15,7 +15,6 @@ from test_blender_twins import shifted
 
 from frametwin.blender.display.twins import show_twin
 from frametwin.blender.frames.curves import wireframe_from_curve
-from frametwin.cli.convert import command
 from frametwin.formats import read_frame, write_frame
 from frametwin.geometry.parametric import named_frame
 
@@ -31,7 +30,10 @@ def tab(extension: str, scene: Any) -> Any:
 
 
 def convert(*words: object) -> None:
-    """Run ``frametwin convert``."""
+    """Run ``frametwin convert``, where there is a command line beside this Blender."""
+    pytest.importorskip("click", reason="the command line is compared with")
+    from frametwin.cli.convert import command
+
     assert not command.main([*map(str, words)], standalone_mode=False)
 
 
