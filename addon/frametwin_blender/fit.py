@@ -247,7 +247,7 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
 class FRAMETWIN_PT_fit_views(Panel, bpy.types.Panel):
     """How photographs and their cameras are taken"""
 
-    bl_label = "Photographs"
+    bl_label = "Masks and Cameras"
     bl_idname = "FRAMETWIN_PT_fit_views"
     bl_parent_id = "FRAMETWIN_PT_fit"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}

@@ -48,6 +48,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "As in the plan": ("Wie im Plan", "設計のとおり"),
     "Up to batch": ("Bis Abschnitt", "バッチまで"),
     "Up to height": ("Bis Höhe", "高さまで"),
+    "Masks and Cameras": ("Masken und Kameras", "マスクとカメラ"),
     "Mask": ("Maske", "マスク"),
     "In Any Light": ("In jedem Licht", "どの照明でも"),
     "Paper's Rule": ("Regel des Artikels", "論文の規則"),
