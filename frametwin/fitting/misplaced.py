@@ -89,10 +89,20 @@ def _struts_bowed(problem: Problem, state: State) -> State:
         tried = _judged(problem, _settled(problem, _shaped(problem, state, struts[chosen], shapes[chosen])))
         state = replace(state, record=tried.record)
         if _loss(problem, tried) < _loss(problem, state):
-            state = tried
+            state = _absent_as_before(tried, state)
             if len(chosen) == len(struts):
                 break
     return state
+
+
+def _absent_as_before(state: State, before: State) -> State:
+    """The state with struts that are not there at all in the shapes that they had."""
+    absent = (state.pose.opacity.mean(axis=1) < 1.0 - BROKEN)[:, None]
+    pose, anchor = (
+        replace(own, inner=np.where(absent, old.inner, own.inner))
+        for own, old in ((state.pose, before.pose), (state.anchor, before.anchor))
+    )
+    return replace(state, pose=pose, anchor=anchor)
 
 
 def _promising(problem: Problem, state: State) -> tuple[np.ndarray, np.ndarray]:
