@@ -124,7 +124,7 @@ class TestRuns:
         words = [sys.executable, str(script), "--out", str(tmp_path / "out"), "--quick", "--only", "cube"]
         with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
             assert process.stderr is not None
-            assert "[1/3] cube paper\n" in (process.stderr.readline() for _ in range(3))
+            assert "[1/4] cube paper\n" in (process.stderr.readline() for _ in range(3))
             process.send_signal(signal.SIGINT)
             rest = process.stderr.read()  # up to its end, and its child's
             assert process.wait() == 130
