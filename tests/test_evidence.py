@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import networkx as nx
 import numpy as np
 import pytest
 
@@ -27,7 +28,7 @@ from scripts.evidence.page import page, write_page
 from scripts.evidence.plots import FIGURES
 from scripts.evidence.records import BINS, best, is_done, path_of, read_records, write_record
 from scripts.evidence.runs import EverySoOften, run_all
-from scripts.evidence.scenes import OWN, cube_with_one_bent_strut, frame_files
+from scripts.evidence.scenes import OWN, cube_with_one_bent_strut, frame_files, uppermost, whole_frame
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 CASES = [Case("views", name, changes={"iterations": n}) for n, name in enumerate(("4-paper", "4-fast"), 3)]
@@ -60,6 +61,20 @@ class TestCases:
         plan = plan_of(True)
         own = type(plan)(True, {name: plan.frames[name] for name in OWN})
         assert {case.experiment for case in cases_of(own)} == {"cube", "partial", "prints"}
+
+    def test_the_head_of_the_bunny_is_one_piece_of_as_many_struts_as_the_papers(self) -> None:
+        files = frame_files()
+        if "bunny_full_tri_dense" not in files:
+            pytest.skip("the frames beside the project are not here")
+        bunny = whole_frame(files["bunny_full_tri_dense"])
+        head = uppermost(bunny, 165)
+        assert head.strut_count == 154 and nx.is_connected(nx.Graph(head.edges.tolist()))
+        middles = [frame.vertices[frame.edges].mean(axis=1) for frame in (head, bunny)]
+        assert (middles[1][:, 2] > middles[0][:, 2].min()).sum() < 154 + 15  # little else is as high
+        degrees = [dict(nx.Graph(frame.edges.tolist()).degree) for frame in (head, bunny)]
+        where = {tuple(point): i for i, point in enumerate(bunny.vertices.tolist())}
+        for joint, point in enumerate(head.vertices.tolist()):
+            assert head.grounded[joint] == (degrees[0][joint] < degrees[1][where[tuple(point)]])
 
     def test_quick_reduces_the_papers_method_alone(self) -> None:
         pavilion = Path("Pavilion.txt")

@@ -29,7 +29,7 @@ from frametwin.simulation.simulate import Simulation, SimulationSettings, simula
 from frametwin.twin.twin import Twin
 from scripts.evidence.cases import WAYS, Case
 from scripts.evidence.records import BINS
-from scripts.evidence.scenes import cube_with_one_bent_strut, masks_of, peak_megabytes, whole_frame
+from scripts.evidence.scenes import cube_with_one_bent_strut, masks_of, peak_megabytes, uppermost, whole_frame
 
 FAINT = 0.05
 """Kernels of a lower opacity do not count as seen."""
@@ -56,7 +56,9 @@ def _fit(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
     simulation = dict(case.simulation)
     if "size" in simulation:
         simulation["size"] = tuple(simulation["size"])  # which files have as a list
-    capture = simulate(whole_frame(Path(case.frame)), SimulationSettings(**simulation))
+    frame, part = whole_frame(Path(case.frame)), simulation.pop("uppermost", None)
+    frame = frame if part is None else uppermost(frame, part)
+    capture = simulate(frame, SimulationSettings(**simulation))
     masks = masks_of(capture)
     began = perf_counter()
     result = fit_views(capture.frame, capture.cameras, masks, case.preset, changes=case.changes, callback=progress)

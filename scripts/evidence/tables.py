@@ -106,7 +106,9 @@ def partial(records: Sequence[Record]) -> str:
     mine = [f"`{preset}`, {what}" for preset in ("paper", "fast") for what in ("mm", "s", "processor s")]
     return (
         "## Partial prints (table II)\n\nPictures of 4000x3000, as the paper's cameras take them; its frames of these"
-        " names are others, of about as many struts.\n\n" + table(["frame", "printed", *mine, "the paper, s"], rows)
+        " names are others, of about as many struts: the bunny head is cut off a whole bunny"
+        " (`bunny_full_tri_dense`) and held there; like the paper's it has 154 struts.\n\n"
+        + table(["frame", "printed", *mine, "the paper, s"], rows)
     )
 
 
