@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,9 +76,12 @@ class LearningSample:
 
 
 def learning_samples(
-    dataset: Dataset, settings: ExportSettings, progress: ProgressCallback | None = None
+    dataset: Dataset,
+    settings: ExportSettings,
+    progress: ProgressCallback | None = None,
+    without: Collection[int] = (),
 ) -> Iterator[LearningSample]:
-    """All samples of a dataset, part by part, by rising index.
+    """All samples of a dataset, part by part, by rising index; but not those whose index is among ``without``.
 
     Raises
     ------
@@ -100,7 +103,8 @@ def learning_samples(
     for part, indices in parts.items():
         for index in indices:
             report(progress, Progress("exporting samples", done, len(entries)))
-            yield _learning_sample(entries[index], part, settings, extra)
+            if index not in without:
+                yield _learning_sample(entries[index], part, settings, extra)
             done += 1
 
 
