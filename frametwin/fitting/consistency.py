@@ -19,6 +19,7 @@ from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import common_size
+from frametwin.fitting.misplaced import given_second_chance
 from frametwin.fitting.torn_ends import Torn, mended, rejoined
 from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
 
@@ -136,7 +137,7 @@ def _with_joint_material(problem: Problem, state: State) -> State:
 
 def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn]:
     """The last stages; torn ends, and cameras that are not exact to the last digit, are freed on the way."""
-    problem, state, torn = mended(plan, state)
+    problem, state, torn = given_second_chance(plan, *mended(plan, state))
     for stage in problem.settings.finish:
         state = free_stage(problem, state, stage)
         if state.cameras is None and problem.settings.cameras == "auto":
