@@ -21,6 +21,7 @@ from frametwin.fields.sampling import CurveSampling
 from frametwin.fields.steered_nodes import SteeredNodes
 from frametwin.fields.store import load_field, save_field
 from frametwin.fitting import curve_terms
+from frametwin.fitting.api import fit_views
 from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.settings import FitSettings, preset
 from frametwin.fitting.similarity import WINDOW, absolute_ssim, balanced_ssim, similarity_loss, ssim
@@ -30,6 +31,7 @@ from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.kernels import KernelLayout, anchored_kernels, isotropic_covariance
 from frametwin.raster.silhouette import silhouettes
+from frametwin.twin.twin import read_twin, write_twin
 
 QUICK = {"iterations": 6, "kernels_per_strut": 6, "samples": 4}
 Scene = tuple[Wireframe, Wireframe, list[Camera], list[np.ndarray]]
@@ -238,6 +240,19 @@ class TestCurveDriven:
         for joint in range(plan.vertex_count):
             np.testing.assert_allclose(found.vertices[joint], ends[where == joint].mean(axis=0), atol=1e-9)
         assert np.linalg.norm(ends - found.vertices[where], axis=1).max() > 1e-2
+
+    @pytest.mark.parametrize("name", ["curve-driven", "deformation-driven"])
+    def test_twins_with_loose_ends_are_kept_by_their_files(self, name: str, scene: Scene, tmp_path: Path) -> None:
+        plan, _, cameras, masks = scene
+        changes = {**QUICK, "iterations": 30, "node_count": 20}
+        twin = fit_views(plan, cameras, masks, name, changes=changes).twin
+        write_twin(tmp_path, twin)
+        again = read_twin(tmp_path)
+        shown = again.as_wireframe(plan)
+        np.testing.assert_allclose(shown.control_points, twin.control_points)
+        ends = twin.control_points[:, [0, 3]]
+        np.testing.assert_allclose(again.gap, np.linalg.norm(ends - twin.vertices[plan.edges], axis=2), atol=1e-6)
+        assert not again.attached.any()
 
     def test_a_strut_has_one_width_and_one_opacity(self, scene: Scene) -> None:
         found = fit(scene, self.SETTINGS.replace(iterations=12))

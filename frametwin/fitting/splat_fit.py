@@ -54,6 +54,10 @@ JUDGED_SCALE, JUDGED_BLUR = 0.5, 0.7
 """Size, as a share, and blur in pixels of the pictures by which the confidence in the result is judged."""
 
 
+JOINED = 1e-6
+"""An end that is nearer to its joint than so many mm is at it."""
+
+
 @dataclass(frozen=True)
 class SplatFitter:
     """The paper's fit with its settings; a `Fitter`. It starts at the plan.
@@ -89,6 +93,7 @@ class SplatFitter:
             loss = _descend(model, settings, callback)
             curves, thickness, opacity = to_array(model.curves()), model.thickness(), model.opacity()
         vertices = _joints(printed, curves)
+        attached, gap = _loose_ends(printed, curves, vertices)
         planned = np.repeat(printed.radius[:, None], thickness.shape[1], axis=1)
         rods = Rods(curves, vertices, printed.edges, planned, np.ones_like(planned))
         terms = gauss_newton(rods, Pyramid(cameras, masks).level(JUDGED_SCALE, JUDGED_BLUR))
@@ -102,7 +107,18 @@ class SplatFitter:
             loss=loss,
             timing={},
             cloud=model.cloud(),
+            attached=attached,
+            gap=gap,
         )
+
+
+def _loose_ends(
+    printed: Wireframe, curves: np.ndarray, vertices: np.ndarray
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """(E, 2) which ends are at their joints, and how far off in mm the others are; nothing where none can be."""
+    gap = np.linalg.norm(curves[:, [0, 3]] - vertices[printed.edges], axis=2)
+    joined = gap <= JOINED
+    return (None, None) if joined.all() else (joined, np.where(joined, 0.0, gap))
 
 
 def _joints(printed: Wireframe, curves: np.ndarray) -> np.ndarray:
