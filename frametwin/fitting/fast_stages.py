@@ -94,16 +94,33 @@ def _let_go(problem: Problem, state: State) -> State:
     A print that sags by a quarter of its size bends where no smooth motion does. Held back there, its struts would be
     taken for torn off their joints.
     """
+    state = noticed(problem, state)
+    return _let_go_on(problem, state, problem.settings.refine[-1]).anchored() if state.strained else state
+
+
+def noticed(problem: Problem, state: State) -> State:
+    """The state, and whether it is held back by the pull to the frame's smooth motions."""
     stage = problem.settings.refine[-1]
-    if stage.pull * strain(problem.elastic, state.pose, state.anchor) < STRAINED * state.last_terms.loss:
-        return state
+    energy = stage.pull * strain(problem.elastic, state.pose, state.anchor)
+    return replace(state, strained=state.strained or energy >= STRAINED * state.last_terms.loss)
+
+
+def _let_go_on(problem: Problem, state: State, stage: Stage) -> State:
+    """A stage with next to nothing of its pull and drag, again and again until it lowers the loss no more."""
     loose = replace(stage, pull=LOOSE * stage.pull, drag=LOOSE * stage.drag)
     for _ in range(LETTING_GO):
-        before = state.last_terms.loss
+        before = state.last_terms.loss if state.terms is not None else np.inf
         state = free_stage(problem, state.anchored(), loose)
         if state.last_terms.loss > (1.0 - SETTLED) * before:
             break
-    return state.anchored()
+    return state
+
+
+def finish(problem: Problem, state: State, stage: Stage) -> State:
+    """One of the last stages; of a print that its smooth motions would hold back, without that."""
+    if not state.strained:
+        return free_stage(problem, state, stage)
+    return _let_go_on(problem, replace(state, terms=None), stage)
 
 
 def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | None = None) -> State:

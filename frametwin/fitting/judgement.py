@@ -22,7 +22,7 @@ MANY_UNCERTAIN = 0.3
 """Share of struts that the views do not determine, from which a twin is wrong."""
 
 WHOLE, MANY_BROKEN = 0.9, 0.1
-"""Share of a strut that is there, below which it seems to be broken, and share of such struts that makes a twin doubtful."""
+"""Share of a strut that is there, below which it seems broken; share of such struts that makes a twin doubtful."""
 
 LOOSE_ON_PHOTOGRAPHS = 0.06
 """Standard deviation of the typical strut in radii from which a twin of photographs is doubtful: masks that are sound

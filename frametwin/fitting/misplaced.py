@@ -28,6 +28,9 @@ ROUNDS, GAIN = 4, 0.01
 SINGLY = 6
 """Joints, and struts, that are tried one by one in each round, at most."""
 
+MOST = 64
+"""Struts for which other shapes are looked at, at most."""
+
 BROKEN = 0.9
 """Share of a strut's pixels that are white, below which it is tried again."""
 
@@ -98,10 +101,10 @@ def _promising(problem: Problem, state: State) -> tuple[np.ndarray, np.ndarray]:
     now = drawn(problem, state, stage.pieces)
     white = _whiteness(problem, state)
     struts = np.argsort(white, kind="stable")
-    struts = struts[white[struts] < BROKEN]
+    struts = struts[white[struts] < BROKEN][:MOST]
     if not len(struts):
         return struts, np.zeros((0, 4, 3))
-    shapes = _bows(now.control_points[struts], state.pose.radius[struts])
+    shapes = shapes_to_try(now.control_points[struts], state.pose.radius[struts])
     seen, there = _seen_in(problem, state, struts, shapes)
     best = (seen * (2.0 * there - 1.0)).argmax(axis=1)
     rows = np.arange(len(struts))
@@ -148,8 +151,8 @@ def _shaped(problem: Problem, state: State, struts: np.ndarray, shapes: np.ndarr
     return replace(state, pose=pose, anchor=replace(state.anchor, inner=bent), terms=None)
 
 
-def _bows(control_points: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """(N, C, 4, 3) struts between the same ends (N, 4, 3): straight, and bowed in many directions by many radii (N,)."""
+def shapes_to_try(control_points: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """(N, C, 4, 3) struts between the same ends (N, 4, 3): straight, and bowed to all sides by many radii (N,)."""
     start, chord = control_points[:, 0], control_points[:, 3] - control_points[:, 0]
     tangent = chord / np.linalg.norm(chord, axis=1, keepdims=True)
     helper = np.eye(3)[np.abs(tangent).argmin(axis=1)]
@@ -179,7 +182,7 @@ def _straightened(state: State, struts: np.ndarray) -> State:
 
 
 def _joined(state: State, torn: Torn, joint: int, to_ends: bool) -> State:
-    """The state with all ends that were torn off a joint back there, and the joint at the furthest of them if wanted."""
+    """The state with all ends that were torn off a joint back there; the joint at the furthest of them, if wanted."""
     here = np.flatnonzero(torn.joints == joint)
     ends = state.pose.joints[torn.planned + here]
     far = np.linalg.norm(ends[:, :3] - state.pose.joints[joint, :3], axis=1)
@@ -197,7 +200,9 @@ def _settled(problem: Problem, state: State) -> State:
 
 
 def _judged(problem: Problem, state: State) -> State:
-    """The state with what is there of each strut as the pictures show it now."""
+    """The state with what is there of each strut as the pictures show it now, where the settings ask for that."""
+    if not problem.settings.learn_opacity:
+        return state
     stage = problem.settings.refine[-1]
     frame, settings = problem.frame, problem.settings
     opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
