@@ -160,8 +160,7 @@ def _cube(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
     masks = [picture / np.float32(255) for picture in silhouettes(truth, seen, progress=progress)]
     result = fit_views(plan, seen, masks, case.preset, changes=case.changes, callback=progress)
     twin = result.twin
-    fitted = plan.replace(vertices=twin.vertices, control_points=twin.control_points)
-    shown = fitted if result.cloud is None else result.cloud
+    shown = twin.as_wireframe(plan) if result.cloud is None else result.cloud
     return {
         "struts": plan.strut_count,
         "after": evaluate(twin.control_points, twin.vertices, truth).summary(),
