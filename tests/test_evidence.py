@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -13,13 +14,16 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
+import torch
 
 from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import InputError
 from frametwin.fields.base import DeformationField
 from frametwin.files import write_json
+from frametwin.fitting.part_fit import KernelCloud
 from frametwin.geometry import bezier
 from frametwin.progress import Progress
+from frametwin.raster.kernels import KernelLayout, anchored_kernels, effective_radius, isotropic_covariance
 from scripts.evidence import paper, tables
 from scripts.evidence.cases import EXPERIMENTS, RIVALS, Case, cases_of, plan_of
 from scripts.evidence.figures import BEGIN, EVIDENCE, PAGES, TABLES, fill_pages, filled
@@ -206,6 +210,26 @@ class TestMeasures:
         assert unlike(plan, truth, cameras) == unlike(truth, plan, cameras)
         one, other = (plan.subset(np.arange(12) == k)[0] for k in (0, 11))  # at opposite corners
         assert unlike(one, other, cameras[:1]) == 1.0
+
+    def test_kernels_are_shown_by_themselves(self) -> None:
+        plan, _ = cube_with_one_bent_strut()
+        cameras = ring_rig(plan, 3, size=(180, 240))
+        layout = KernelLayout.even(12, 40)
+        kernels = anchored_kernels(torch.from_numpy(np.array(plan.control_points)), layout)
+        tau = plan.radius[layout.strut_of_kernel] / effective_radius(1.0, 0.9)
+        covariances = isotropic_covariance(kernels, torch.from_numpy(tau)).numpy()
+        cloud = KernelCloud(kernels.means.numpy(), covariances, np.full(layout.size, 0.9))
+        assert (
+            unlike(cloud, plan, cameras) < 0.15
+        )  # the two differ at the ends of struts alone, which kernels overshoot
+        away = dataclasses.replace(cloud, means=cloud.means + [500.0, 0.0, 0.0])
+        assert unlike(away, plan, cameras) > 0.9
+
+    @pytest.mark.parametrize("preset", RIVALS)
+    def test_the_cube_is_measured_by_the_rivals_too(self, preset: str) -> None:
+        result = measured(Case("cube", preset, "cube", "", preset, {"iterations": 2, "image_scale": 0.1}))
+        assert 5.0 < result["after"]["curves"]["max"] < 15.0  # the bow is 12 mm high, and two steps are next to nothing
+        assert 0.0 < result["unlike"]["new"] < 0.5 and 0.0 < result["unlike"]["input"] < 0.5
 
     def test_a_fit_is_measured(self) -> None:
         simulation = {"views": 4, "size": [120, 160], "missing": 3, "printed": 0.7}
