@@ -219,10 +219,8 @@ class TestMeasures:
         tau = plan.radius[layout.strut_of_kernel] / effective_radius(1.0, 0.9)
         covariances = isotropic_covariance(kernels, torch.from_numpy(tau)).numpy()
         cloud = KernelCloud(kernels.means.numpy(), covariances, np.full(layout.size, 0.9))
-        assert (
-            unlike(cloud, plan, cameras) < 0.15
-        )  # the two differ at the ends of struts alone, which kernels overshoot
-        away = dataclasses.replace(cloud, means=cloud.means + [500.0, 0.0, 0.0])
+        assert unlike(cloud, plan, cameras) < 0.15  # kernels overshoot the ends of struts
+        away = dataclasses.replace(cloud, means=cloud.means + np.array([500.0, 0.0, 0.0]))
         assert unlike(away, plan, cameras) > 0.9
 
     @pytest.mark.parametrize("preset", RIVALS)
