@@ -35,7 +35,10 @@ BROKEN = 0.9
 """Share of a strut's pixels that are white, below which it is tried again."""
 
 WHITER = 0.1
-"""By how much more of struts has to be white in another place."""
+"""By how much more of struts has to be white in another place ..."""
+
+CLEARLY, ON_PHOTOGRAPHS = 0.5, 0.75
+"""... and what share at least, in masks and in photographs: there, struts in shade seem to be broken where they are."""
 
 DIRECTIONS, BOWS = 24, np.arange(0.8, 10.0, 0.8)
 """Directions across a strut in which it is bowed, and by how many radii at its middle."""
@@ -89,10 +92,20 @@ def _struts_bowed(problem: Problem, state: State) -> State:
         tried = _judged(problem, _settled(problem, _shaped(problem, state, struts[chosen], shapes[chosen])))
         state = replace(state, record=tried.record)
         if _loss(problem, tried) < _loss(problem, state):
-            state = tried
+            state = _absent_as_before(tried, state)
             if len(chosen) == len(struts):
                 break
     return state
+
+
+def _absent_as_before(state: State, before: State) -> State:
+    """The state with struts that are not there at all in the shapes that they had."""
+    absent = (state.pose.opacity.mean(axis=1) < 1.0 - BROKEN)[:, None]
+    pose, anchor = (
+        replace(own, inner=np.where(absent, old.inner, own.inner))
+        for own, old in ((state.pose, before.pose), (state.anchor, before.anchor))
+    )
+    return replace(state, pose=pose, anchor=anchor)
 
 
 def _promising(problem: Problem, state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +121,8 @@ def _promising(problem: Problem, state: State) -> tuple[np.ndarray, np.ndarray]:
     seen, there = _seen_in(problem, state, struts, shapes)
     best = (seen * (2.0 * there - 1.0)).argmax(axis=1)
     rows = np.arange(len(struts))
-    whiter = there[rows, best] > white[struts] + WHITER
+    least = ON_PHOTOGRAPHS if problem.settings.outline_error > 0.0 else CLEARLY
+    whiter = there[rows, best] > np.maximum(white[struts] + WHITER, least)
     return struts[whiter], shapes[rows, best][whiter]
 
 
