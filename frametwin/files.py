@@ -11,7 +11,7 @@ import os
 import re
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar
 from pathlib import Path
@@ -376,8 +376,14 @@ def _naming(path: PathLike, staged: Path) -> Iterator[None]:
         raise
 
 
+PART = ".part"
+"""Behind the name of a folder that is not whole yet and will be gone on with."""
+
+
 @contextlib.contextmanager
-def staged_directory(path: PathLike, overwrite: bool = False) -> Iterator[Path]:
+def staged_directory(
+    path: PathLike, overwrite: bool = False, *, keep: Callable[[Path], bool] | None = None
+) -> Iterator[Path]:
     """Write a folder whole or not at all.
 
     Yields a new empty folder beside ``path``. When the block ends well it is renamed to ``path``; when the
@@ -389,6 +395,9 @@ def staged_directory(path: PathLike, overwrite: bool = False) -> Iterator[Path]:
         The folder to be. Its parents are created.
     overwrite
         Replace an existing folder: the new one is swapped in first, then the old one is deleted.
+    keep
+        Asked about the new folder when the block raises: where it says yes the folder stays, as ``path`` with ``.part``
+        behind it, and is yielded again, with what is in it, the next time.
 
     Raises
     ------
@@ -400,10 +409,10 @@ def staged_directory(path: PathLike, overwrite: bool = False) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     _refuse_taken(target, path, overwrite)
     made = missing_parents(target)
-    staged = _temporary_name(target)
+    staged = _temporary_name(target) if keep is None else target.with_name(target.name + PART)
     try:
         try:
-            staged.mkdir(parents=True)
+            staged.mkdir(parents=True, exist_ok=keep is not None)
         except OSError as error:
             raise _not_written(path, "folder", error, "made") from error
         with _naming(path, staged):
@@ -411,6 +420,8 @@ def staged_directory(path: PathLike, overwrite: bool = False) -> Iterator[Path]:
             _refuse_taken(target, path, overwrite)  # somebody may have put a folder there meanwhile
             swap_in(staged, target)
     except BaseException:
+        if keep is not None and keep(staged):
+            raise
         shutil.rmtree(staged, ignore_errors=True)
         for parent in made:
             if parent.is_dir() and not any(parent.iterdir()):

@@ -30,9 +30,11 @@ from frametwin import CaptureDataset, InputError
 from frametwin.capture.capture import read_capture
 from frametwin.cli.dataset_export import export_command
 from frametwin.dataset.export import ExportSettings, export_dataset
+from frametwin.dataset.exports import learning_samples
 from frametwin.dataset.exports.coco_files import run_lengths
+from frametwin.dataset.exports.ledger import WRITING
 from frametwin.dataset.exports.settings import LEARNING_FORMATS
-from frametwin.dataset.folder import read_dataset, sample_folder
+from frametwin.dataset.folder import SampleEntry, read_dataset, sample_folder
 from frametwin.dataset.tensor_kinds import KINDS, POSES
 from frametwin.errors import Cancelled
 
@@ -365,6 +367,67 @@ def test_an_export_is_whole_or_not_at_all(masks: Path, tmp_path: Path, kind: str
     assert steps == sorted(steps) and set(steps) == {(k, 4) for k in range(5)}
     notes = json.loads((tmp_path / "out" / "export.json").read_text())
     assert notes["kind"] == kind and notes["parts"] == {"train": 4} and len(notes["samples"]) == 4
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("kind", ["webdataset", "huggingface"])
+@pytest.mark.parametrize("stop", [1, 2, 3])
+def test_an_export_goes_on_where_it_was_stopped(
+    masks: Path, tmp_path: Path, kind: str, stop: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = ExportSettings(kind, split=(0.5, 0.5), shard_mb=0.01)  # a file for each sample
+    export_dataset(masks, tmp_path / "whole", settings)
+    out, read = tmp_path / "out", []
+    with pytest.raises(Cancelled):
+        export_dataset(masks, out, settings, progress=lambda step: step.iteration < stop)
+    assert not out.exists() and (out.with_name("out.part").is_dir() == (stop > 1))
+    original = learning_samples._learning_sample
+
+    def noting(entry: SampleEntry, *rest: Any) -> Any:
+        read.append(entry.index)
+        return original(entry, *rest)
+
+    monkeypatch.setattr(learning_samples, "_learning_sample", noting)
+    steps: list[int] = []
+    export_dataset(masks, out, settings, progress=lambda step: steps.append(step.iteration))
+    assert len(read) == 4 - (stop - 1) and steps == [0, 1, 2, 3, 4]
+    assert files_in(out) == files_in(tmp_path / "whole")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "whole"]
+
+
+def test_shards_of_another_export_are_not_mixed_in(masks: Path, tmp_path: Path) -> None:
+    out, small = tmp_path / "out", ExportSettings("webdataset", shard_mb=0.01)
+    with pytest.raises(Cancelled):
+        export_dataset(masks, out, small, progress=lambda step: step.iteration < 3)
+    kept = files_in(tmp_path / "out.part")
+    with pytest.raises(InputError, match="shards: has shards of another export.*allow overwriting"):
+        export_dataset(masks, out, ExportSettings("webdataset"))
+    assert files_in(tmp_path / "out.part") == kept and not out.exists()
+    export_dataset(masks, out, ExportSettings("webdataset"), overwrite=True)
+    assert sorted(files_in(out)) == ["export.json", "train-000000.tar"]
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_folder_of_somebody_elses_is_left_alone(masks: Path, tmp_path: Path) -> None:
+    (tmp_path / "out.part").mkdir()
+    (tmp_path / "out.part" / "thesis.txt").write_text("mine")
+    for overwrite in (False, True):
+        with pytest.raises(InputError, match="holds files that are not of an export"):
+            export_dataset(masks, tmp_path / "out", ExportSettings("webdataset"), overwrite=overwrite)
+    assert files_in(tmp_path) == {"out.part/thesis.txt": b"mine"}
+
+
+def test_half_a_shard_left_by_a_kill_is_not_used(masks: Path, tmp_path: Path) -> None:
+    settings = ExportSettings("webdataset", shard_mb=0.01)
+    export_dataset(masks, tmp_path / "whole", settings)
+    with pytest.raises(Cancelled):
+        export_dataset(masks, tmp_path / "out", settings, progress=lambda step: step.iteration < 3)
+    (tmp_path / "out.part" / WRITING).write_bytes(b"half a shard")
+    export_dataset(masks, tmp_path / "out", settings)
+    assert files_in(tmp_path / "out") == files_in(tmp_path / "whole")
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,10 @@ from torch.utils.data import DataLoader
 import frametwin
 from frametwin import CaptureDataset, collate_captures, split_indices
 from frametwin.capture.capture import read_capture
+from frametwin.dataset.camera_errors import TRUE_FILE, stated_cameras, true_cameras_file
 from frametwin.dataset.folder import sample_folder
 from frametwin.dataset.sample_arrays import sample_arrays
+from frametwin.dataset.specification_values import ErrorValues
 from frametwin.dataset.strut_map import strut_map
 from frametwin.dataset.tensor_kinds import COUNTED, KINDS, PARTS
 from frametwin.dataset.true_curves import intervals_of
@@ -69,18 +71,38 @@ def unfilled(batch: dict[str, torch.Tensor], b: int) -> Iterator[tuple[str, torc
 @pytest.mark.parametrize("which", ["folder", "photos"])
 def test_shapes_and_types_are_those_of_the_table(which: str, request: pytest.FixtureRequest) -> None:
     dataset = CaptureDataset(request.getfixturevalue(which))
-    absent = "backgrounds" if which == "folder" else "passes"
-    assert dataset.parts == tuple(part for part in PARTS if part != absent)
+    absent = ("true_cameras", "backgrounds" if which == "folder" else "passes")
+    assert dataset.parts == tuple(part for part in PARTS if part not in absent)
     for place in (0, 1):
         item = dataset[place]
         frame = FRAMES[place]
         sizes = {"N": 3, "C": 1 if which == "folder" else 3, "H": SIZE[0], "W": SIZE[1], "S": 33}
         sizes |= {"E": frame.strut_count, "V": frame.vertex_count}
-        assert set(item) == {"index", *(kind.name for kind in KINDS.values() if kind.part != absent)}
+        assert set(item) == {"index", *(kind.name for kind in KINDS.values() if kind.part not in absent)}
         assert int(item.pop("index")) == place
         for name, tensor in item.items():
             assert tuple(tensor.shape) == tuple(sizes.get(str(axis), axis) for axis in KINDS[name].shape), name
             assert tensor.dtype == getattr(torch, KINDS[name].dtype), name
+
+
+def test_true_cameras_are_those_that_took_the_pictures(copy: Path) -> None:
+    sample = sample_folder(copy, 0)
+    stated = [view.camera for view in read_capture(sample).views]
+    amounts = {"turned_deg": 0.4, "moved_mm": 2.0, "focal": 0.01, "centre_px": 1.5, "bumped_deg": 0.0}
+    values = ErrorValues(**amounts, lens_ignored=False, bumped=(), seed=5)
+    true = list(stated_cameras(stated, values))  # others than the stated ones, which is all that counts here
+    (sample / TRUE_FILE).write_text(json.dumps(true_cameras_file(true)))
+    item = CaptureDataset(copy)[0]  # with all parts that the first sample has
+    for n, camera in enumerate(true):
+        np.testing.assert_allclose(item["true_K"][n], camera.K, rtol=1e-6)
+        np.testing.assert_allclose(item["true_camera_to_world"][n], camera.camera_to_world, rtol=1e-5, atol=1e-5)
+        inverse = item["true_camera_to_world"][n] @ item["true_world_to_camera"][n]
+        np.testing.assert_allclose(inverse, np.eye(4), atol=1e-3)
+        np.testing.assert_allclose(item["K"][n], stated[n].K, rtol=1e-6)
+        assert np.abs(item["camera_to_world"][n] - item["true_camera_to_world"][n]).max() > 1.0
+    other = CaptureDataset(copy)[1]  # a sample without errors: its cameras are the true ones
+    for name in ("K", "distortion", "fisheye", "camera_to_world", "world_to_camera"):
+        assert torch.equal(other[name], other[f"true_{name}"])
 
 
 def test_tensors_are_what_opencv_and_numpy_read_from_the_files(folder: Path) -> None:

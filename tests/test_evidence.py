@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -10,24 +11,28 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import networkx as nx
 import numpy as np
 import pytest
+import torch
 
 from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import InputError
 from frametwin.fields.base import DeformationField
 from frametwin.files import write_json
+from frametwin.fitting.part_fit import KernelCloud
 from frametwin.geometry import bezier
 from frametwin.progress import Progress
+from frametwin.raster.kernels import KernelLayout, anchored_kernels, effective_radius, isotropic_covariance
 from scripts.evidence import paper, tables
-from scripts.evidence.cases import EXPERIMENTS, Case, cases_of, plan_of
+from scripts.evidence.cases import EXPERIMENTS, RIVALS, Case, cases_of, plan_of
 from scripts.evidence.figures import BEGIN, EVIDENCE, PAGES, TABLES, fill_pages, filled
 from scripts.evidence.measure import measured, roughness, unlike
 from scripts.evidence.page import page, write_page
 from scripts.evidence.plots import FIGURES
 from scripts.evidence.records import BINS, best, is_done, path_of, read_records, write_record
 from scripts.evidence.runs import EverySoOften, run_all
-from scripts.evidence.scenes import OWN, cube_with_one_bent_strut, frame_files
+from scripts.evidence.scenes import OWN, cube_with_one_bent_strut, frame_files, uppermost, whole_frame
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 CASES = [Case("views", name, changes={"iterations": n}) for n, name in enumerate(("4-paper", "4-fast"), 3)]
@@ -61,13 +66,29 @@ class TestCases:
         own = type(plan)(True, {name: plan.frames[name] for name in OWN})
         assert {case.experiment for case in cases_of(own)} == {"cube", "partial", "prints"}
 
+    def test_the_head_of_the_bunny_is_one_piece_of_as_many_struts_as_the_papers(self) -> None:
+        files = frame_files()
+        if "bunny_full_tri_dense" not in files:
+            pytest.skip("the frames beside the project are not here")
+        bunny = whole_frame(files["bunny_full_tri_dense"])
+        head = uppermost(bunny, 165)
+        assert head.strut_count == 154 and nx.is_connected(nx.Graph(head.edges.tolist()))
+        middles = [frame.vertices[frame.edges].mean(axis=1) for frame in (head, bunny)]
+        assert (middles[1][:, 2] > middles[0][:, 2].min()).sum() < 154 + 15  # little else is as high
+        degrees = [dict(nx.Graph(frame.edges.tolist()).degree) for frame in (head, bunny)]
+        where = {tuple(point): i for i, point in enumerate(bunny.vertices.tolist())}
+        for joint, point in enumerate(head.vertices.tolist()):
+            assert head.grounded[joint] == (degrees[0][joint] < degrees[1][where[tuple(point)]])
+
     def test_quick_reduces_the_papers_method_alone(self) -> None:
         pavilion = Path("Pavilion.txt")
         frames = dict.fromkeys((*frame_files(), "Femur", "Coral", "Lounge", "Pavilion"), pavilion)
         cases = [cases_of(type(plan_of(quick))(quick, frames)) for quick in (False, True)]
         names = [[(case.experiment, case.name) for case in some] for some in cases]
-        assert names[0] == names[1] and {experiment for experiment, _ in names[0]} == set(EXPERIMENTS)
-        for full, quick in zip(*cases, strict=True):
+        others = {("rivals", f"{frame}-{rival}") for frame in ("Coral", "Lounge", "Pavilion") for rival in RIVALS}
+        assert set(names[0]) - set(names[1]) == others and set(names[1]) < set(names[0])
+        assert {experiment for experiment, _ in names[1]} == set(EXPERIMENTS)
+        for full, quick in zip([c for c in cases[0] if (c.experiment, c.name) not in others], cases[1], strict=True):
             assert quick.quick and not full.quick
             if full.kind == "fit":
                 assert ("image_scale" in quick.changes) == (full.preset != "fast")
@@ -122,7 +143,7 @@ class TestRuns:
         words = [sys.executable, str(script), "--out", str(tmp_path / "out"), "--quick", "--only", "cube"]
         with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
             assert process.stderr is not None
-            assert "[1/3] cube paper\n" in (process.stderr.readline() for _ in range(3))
+            assert "[1/4] cube paper\n" in (process.stderr.readline() for _ in range(3))
             process.send_signal(signal.SIGINT)
             rest = process.stderr.read()  # up to its end, and its child's
             assert process.wait() == 130
@@ -189,6 +210,24 @@ class TestMeasures:
         assert unlike(plan, truth, cameras) == unlike(truth, plan, cameras)
         one, other = (plan.subset(np.arange(12) == k)[0] for k in (0, 11))  # at opposite corners
         assert unlike(one, other, cameras[:1]) == 1.0
+
+    def test_kernels_are_shown_by_themselves(self) -> None:
+        plan, _ = cube_with_one_bent_strut()
+        cameras = ring_rig(plan, 3, size=(180, 240))
+        layout = KernelLayout.even(12, 40)
+        kernels = anchored_kernels(torch.from_numpy(np.array(plan.control_points)), layout)
+        tau = plan.radius[layout.strut_of_kernel] / effective_radius(1.0, 0.9)
+        covariances = isotropic_covariance(kernels, torch.from_numpy(tau)).numpy()
+        cloud = KernelCloud(kernels.means.numpy(), covariances, np.full(layout.size, 0.9))
+        assert unlike(cloud, plan, cameras) < 0.15  # kernels overshoot the ends of struts
+        away = dataclasses.replace(cloud, means=cloud.means + np.array([500.0, 0.0, 0.0]))
+        assert unlike(away, plan, cameras) > 0.9
+
+    @pytest.mark.parametrize("preset", RIVALS)
+    def test_the_cube_is_measured_by_the_rivals_too(self, preset: str) -> None:
+        result = measured(Case("cube", preset, "cube", "", preset, {"iterations": 2, "image_scale": 0.1}))
+        assert 5.0 < result["after"]["curves"]["max"] < 15.0  # the bow is 12 mm high, and two steps are next to nothing
+        assert 0.0 < result["unlike"]["new"] < 0.5 and 0.0 < result["unlike"]["input"] < 0.5
 
     def test_a_fit_is_measured(self) -> None:
         simulation = {"views": 4, "size": [120, 160], "missing": 3, "printed": 0.7}

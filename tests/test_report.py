@@ -164,6 +164,31 @@ def test_missing_struts_are_marked(shown: Page, run: Path) -> None:
     assert shown.data["scenes"][0]["marks"]["missing"] == expected
 
 
+def test_torn_ends_are_told_with_their_gaps(run: Path, tmp_path: Path, shown: Page) -> None:
+    folder = copy_of(run, tmp_path)
+    twin, frame = load_run(folder)
+    attached, gap = np.ones((twin.strut_count, 2), dtype=bool), np.zeros((twin.strut_count, 2))
+    for strut, side, away in ((4, 1, 1.25), (9, 0, 3.5), (9, 1, 0.75)):
+        attached[strut, side], gap[strut, side] = False, away
+    write_twin(folder, twin.replace(attached=attached, gap=gap))
+    (scene,) = Page(write_report(folder, tmp_path / "torn.html").path).data["scenes"]
+    assert scene["torn"] == [[9, 0, 3.5], [4, 1, 1.25], [9, 1, 0.75]]  # the furthest first
+    assert scene["marks"]["torn"] == [4, 9]
+    assert np.allclose(scene["quantities"]["gap"], gap.max(axis=1)[frame.printed])
+    (whole,) = shown.data["scenes"]
+    assert whole["torn"] == [] and "torn" not in whole["marks"] and "gap" not in whole["quantities"]
+
+
+def test_gaps_that_a_twin_does_not_tell_are_left_open(run: Path, tmp_path: Path) -> None:
+    folder = copy_of(run, tmp_path)
+    twin, _ = load_run(folder)
+    attached = np.ones((twin.strut_count, 2), dtype=bool)
+    attached[3, 0] = False
+    write_twin(folder, twin.replace(attached=attached, gap=None))
+    (scene,) = Page(write_report(folder, tmp_path / "torn.html").path).data["scenes"]
+    assert scene["torn"] == [[3, 0, None]] and set(scene["quantities"]["gap"]) == {None}
+
+
 def test_the_camera_beside_a_picture_is_that_of_the_picture(shown: Page, run: Path, capture: Path) -> None:
     """White pixels of the masks are where the cameras that the page tells see the curves that it tells."""
     (scene,) = shown.data["scenes"]

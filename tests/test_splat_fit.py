@@ -95,14 +95,13 @@ class TestFit:
             ("paper", (1e-4, 1e-5), 0.3),
             ("paper-letter", (5e-4, 5e-5), 0.3),
             ("paper-lattice", (1e-2, 1e-3), 0.25),
-            ("deformation-driven", (6e-3, 1e-3), 0.4),
         ],
     )
     def test_converges(self, name: str, rates: tuple[float, float], share: float, scene: tuple) -> None:
         plan, truth, cameras, masks = scene
         settings = preset(
             name, iterations=80, samples=5, kernels_per_strut=8, bending_samples=64,
-            learning_rate=rates[0], learning_rate_end=rates[1], node_count=30,
+            learning_rate=rates[0], learning_rate_end=rates[1],
         )  # fmt: skip
         fit = fit_splats(plan, cameras, masks, settings)
         before = error(plan.control_points, truth)
@@ -111,10 +110,11 @@ class TestFit:
         assert fit.loss[-1] < 0.5 * fit.loss[0]
         assert len(fit.loss) == 80
 
-    def test_free_control_points_follow_the_pictures(self, scene: tuple) -> None:
+    @pytest.mark.parametrize(("kind", "rate"), [("free", 1.6e-3), ("nodes", 1.2e-3)])
+    def test_other_fields_follow_the_pictures(self, kind: str, rate: float, scene: tuple) -> None:
         plan, _, cameras, masks = scene
-        changes = {**QUICK, "iterations": 40, "learning_rate": 8e-3}
-        fit = fit_splats(plan, cameras, masks, preset("curve-driven", **changes))
+        changes = {**QUICK, "iterations": 40, "learning_rate": rate, "node_count": 30, "field": kind}
+        fit = fit_splats(plan, cameras, masks, preset("paper", **changes))
         assert fit.loss[-1] < 0.5 * fit.loss[0]
 
     def test_thickness_comes_out_as_the_radius(self, scene: tuple) -> None:

@@ -49,7 +49,7 @@ MASKS = ("auto", "paper")
     help="fast: seconds, and the most accurate; paper: the published method, minutes to hours;"
     " paper-letter: the same by the letter of its text;"
     " paper-lattice: paper with a lattice in place of the network; curve-driven and deformation-driven:"
-    " what the paper compares with.",
+    " what the paper compares with, by their published settings.",
 )
 @click.option(
     "--seed",

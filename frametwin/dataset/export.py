@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from frametwin import __version__
 from frametwin.dataset.exports.coco_files import check_coco, write_coco
+from frametwin.dataset.exports.ledger import LEDGER, is_to_be_kept, open_ledger
 from frametwin.dataset.exports.parquet_files import check_parquet, write_parquet
 from frametwin.dataset.exports.sample_folders import (
     SampleWriter,
@@ -48,6 +51,9 @@ FORMATS: dict[str, Writer] = {
     "coco": write_coco,
 }
 
+RESUMABLE = ("webdataset", "huggingface")
+"""Formats that go on where they were stopped: shards that were finished are kept beside ``out``, as ``out.part``."""
+
 CHECKS: dict[str, Callable[[], None]] = {"huggingface": check_parquet, "coco": check_coco}
 """Whether the packages that a format needs are there."""
 
@@ -61,6 +67,8 @@ def export_dataset(
     progress: ProgressCallback | None = None,
 ) -> int:
     """Write all samples of a dataset in another format, whole or not at all.
+
+    What was finished of `RESUMABLE` formats is kept when the export is stopped, and the same call goes on from there.
 
     Every sample becomes a folder of its own, ``000000`` and so on, of
 
@@ -96,14 +104,17 @@ def export_dataset(
     Raises
     ------
     InputError
-        If the dataset or a sample is damaged, a package that the format needs is missing, or the folder cannot be
-        written.
+        If the dataset or a sample is damaged, a package that the format needs is missing, the folder cannot be
+        written, or shards of another export are beside it and ``overwrite`` is not set.
     Cancelled
         If ``progress`` returns ``False``.
     """
     dataset = read_dataset(folder)
     CHECKS.get(settings.format, lambda: None)()
-    with staged_directory(out, overwrite) as stage:
+    resumable = settings.format in RESUMABLE
+    with staged_directory(out, overwrite, keep=is_to_be_kept if resumable else None) as stage:
+        if resumable:
+            open_ledger(stage, _conditions(dataset, settings), anew=overwrite)
         found = FORMATS[settings.format](dataset, stage, settings, progress)
         notes = {
             "format": FORMAT,
@@ -115,5 +126,13 @@ def export_dataset(
             "samples": {sample_name(entry.index): entry.content for entry in dataset.samples},
         }
         write_json(stage / MARK, notes)
+        (stage / LEDGER).unlink(missing_ok=True)
         report(progress, Progress("exporting samples", len(dataset.samples), len(dataset.samples)))
     return len(dataset.samples)
+
+
+def _conditions(dataset: Dataset, settings: ExportSettings) -> dict[str, Any]:
+    """What shards depend on, as a JSON file has it."""
+    samples = {sample_name(entry.index): entry.content for entry in dataset.samples}
+    options = asdict(settings) | {"split": None if settings.split is None else list(settings.split)}
+    return {"frametwin": __version__, "dataset": dataset.name, "settings": options, "samples": samples}

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from frametwin.cameras.camera import FISHEYE
+from frametwin.cameras.camera import FISHEYE, Camera
 from frametwin.capture.capture import Capture, View
 from frametwin.capture.picture import Picture
-from frametwin.dataset.camera_errors import with_true_cameras
+from frametwin.dataset.camera_errors import TRUE_FILE, with_true_cameras
 from frametwin.dataset.folder import Sample, files_below
 from frametwin.dataset.strut_map import covered_share
 from frametwin.dataset.tensor_kinds import KINDS, PARTS, POSES
@@ -30,6 +30,7 @@ def parts_of(sample: Sample) -> tuple[str, ...]:
     names = files_below(sample.folder)
     there = {
         "backgrounds": any(name.startswith("background/") for name in names),
+        "true_cameras": TRUE_FILE in names,
         "visibility": CURVES_FILE in names,
         "passes": any(name.startswith("passes/") for name in names),
     }
@@ -58,7 +59,8 @@ def sample_arrays(capture: Capture, parts: Collection[str] = PARTS, scale: float
         "images": lambda: {"images": _stacked([reader.image(view) for view in capture.views], capture)},
         "backgrounds": lambda: {"backgrounds": _stacked(_backgrounds(capture), capture)},
         "masks": lambda: {"masks": np.stack(_one_size(reader.masks(), capture))},
-        "cameras": lambda: _camera_arrays(capture),
+        "cameras": lambda: _camera_arrays([view.camera for view in capture.views]),
+        "true_cameras": lambda: {f"true_{name}": array for name, array in _camera_arrays(reader.true_cameras).items()},
         "curves": lambda: _curve_arrays(reader),
         "visibility": lambda: _visibility_arrays(reader),
         "passes": lambda: _pass_arrays(reader),
@@ -86,7 +88,7 @@ class _Reader:
         self._images: dict[Path, np.ndarray] = {}
         self._passes: list[Passes] | None = None
         self._noted: CurveTruth | None = None
-        self._true_cameras = [view.camera for view in with_true_cameras(capture).views]
+        self.true_cameras = [view.camera for view in with_true_cameras(capture).views]
 
     @property
     def truth(self) -> Wireframe:
@@ -136,7 +138,7 @@ class _Reader:
         if (self.capture.root / "passes").is_dir():
             return (self.passes()[i].strut >= 0).astype(np.float32)
         noted = self.noted()
-        return covered_share(noted.points, noted.radius, noted.present, self._true_cameras[i])
+        return covered_share(noted.points, noted.radius, noted.present, self.true_cameras[i])
 
 
 def _backgrounds(capture: Capture) -> list[np.ndarray]:
@@ -159,8 +161,7 @@ def _stacked(images: list[np.ndarray], capture: Capture) -> np.ndarray:
     return stack[:, None] if stack.ndim == 3 else stack[..., ::-1].transpose(0, 3, 1, 2)
 
 
-def _camera_arrays(capture: Capture) -> Arrays:
-    cameras = [view.camera for view in capture.views]
+def _camera_arrays(cameras: Sequence[Camera]) -> Arrays:
     distortion = np.zeros((len(cameras), 5))
     for row, camera in zip(distortion, cameras, strict=True):
         row[: len(camera.distortion)] = camera.distortion

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-PARTS = ("images", "backgrounds", "masks", "cameras", "curves", "visibility", "passes")
+PARTS = ("images", "backgrounds", "masks", "cameras", "true_cameras", "curves", "visibility", "passes")
 """What can be asked for by itself."""
 
 COUNTED = {"N": "is_view", "E": "is_strut", "V": "is_joint"}
@@ -48,6 +48,11 @@ _KINDS = (
     ("fisheye", "cameras", "N", "bool", "", "whether the lens is a fisheye"),
     ("camera_to_world", "cameras", "N 4 4", "float32", "mm", "pose, OpenCV axes: x right, y down, z forward"),
     ("world_to_camera", "cameras", "N 4 4", "float32", "mm", "its inverse"),
+    ("true_K", "true_cameras", "N 3 3", "float32", "px", "intrinsics of the cameras that took the pictures"),
+    ("true_distortion", "true_cameras", "N 5", "float32", "", "of their lenses"),
+    ("true_fisheye", "true_cameras", "N", "bool", "", "whether these are fisheyes"),
+    ("true_camera_to_world", "true_cameras", "N 4 4", "float32", "mm", "their poses"),
+    ("true_world_to_camera", "true_cameras", "N 4 4", "float32", "mm", "the inverse"),
     ("edges", "curves", "E 2", "int64", "joint", "joints at the ends of each strut"),
     ("printed", "curves", "E", "bool", "", "whether the plan says that the strut is printed"),
     ("radius", "curves", "E", "float32", "mm", "strut radius of the plan"),
@@ -77,5 +82,5 @@ KINDS: dict[str, TensorKind] = {
 }
 """Every array by its name; a sample has those of the parts that are asked for."""
 
-POSES = ("camera_to_world", "world_to_camera")
+POSES = ("camera_to_world", "world_to_camera", "true_camera_to_world", "true_world_to_camera")
 """Matrices of which only the last column is a length."""

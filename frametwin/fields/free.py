@@ -1,7 +1,8 @@
 """Free control points, for comparison: what curve-driven splatting does.
 
-Every joint and every inner control point moves on its own, tied to nothing but the strut it belongs to.
-Between and away from them the field blends the displacements of the nearest ones.
+Every joint and every inner control point moves on its own, tied to nothing but the strut it belongs to; or each strut
+even has ends of its own, as the published method has them. Between and away from them the field blends the
+displacements of the nearest ones.
 
 References
 ----------
@@ -35,12 +36,13 @@ class FreeField(TorchField):
     Parameters
     ----------
     anchors : (N, 3) mm: the joints, then two inner control points for each strut (see `FreeField.on_curves`),
-        or any other points when only `evaluate` is needed.
+        or all four of each strut, or any other points when only `evaluate` is needed.
     scale : mm; parameters are stored in this unit, so that learning rates mean the same on frames of all
         sizes.
     """
 
     kind = "free"
+    share_ends = True
     anchors: Tensor
     widths: Tensor
     scale: Tensor
@@ -56,8 +58,12 @@ class FreeField(TorchField):
         self.offsets = nn.Parameter(torch.zeros(len(points), 3, dtype=torch.float64))
 
     @classmethod
-    def on_curves(cls, sampling: CurveSampling, scale: float) -> FreeField:
-        """One anchor at each joint and at each inner control point of the plan."""
+    def on_curves(cls, sampling: CurveSampling, scale: float, share_ends: bool = True) -> FreeField:
+        """One anchor at each joint and at each inner control point of the plan; or one at each control point."""
+        if not share_ends:
+            field = cls(sampling.control_points.reshape(-1, 3), scale)
+            field.share_ends = False
+            return field
         inner = sampling.control_points[:, 1:3].reshape(-1, 3)
         return cls(np.concatenate([sampling.joints, inner]), scale)
 
@@ -65,6 +71,8 @@ class FreeField(TorchField):
         """Displacements (E, 4, 3) in mm of the control points, which are the parameters themselves."""
         joints = len(sampling.joints)
         moved = self.scale * self.offsets
+        if not self.share_ends:
+            return moved.view(-1, 4, 3)
         inner = moved[joints:].view(-1, 2, 3)
         ends = moved[:joints][torch.from_numpy(sampling.edges)]  # (E, 2, 3)
         return torch.cat([ends[:, :1], inner, ends[:, 1:]], dim=1)
@@ -86,13 +94,14 @@ class FreeField(TorchField):
         return index, points[:, None] - self.anchors[index]
 
     def metadata(self) -> dict[str, str]:
-        """Nothing is needed beside the arrays."""
-        return {}
+        """Whether struts have ends of their own; else nothing is needed beside the arrays."""
+        return {} if self.share_ends else {"ends": "own"}
 
     @classmethod
     def restore(cls, tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> FreeField:
         """Build the field from `tensors` and `metadata`."""
         field = cls(tensors["anchors"], float(tensors["scale"]))
+        field.share_ends = metadata.get("ends") != "own"
         field.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in tensors.items()})
         field.frozen()
         return field

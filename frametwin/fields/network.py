@@ -52,15 +52,17 @@ class NetworkShape:
     layers : hidden layers.
     width : numbers in each of them.
     skip : index, from 0, of the hidden layer that sees the encoding once more.
+    outputs : 3 for a field of displacements.
     """
 
     octaves: int = 10
     layers: int = 8
     width: int = 256
     skip: int = 4
+    outputs: int = 3
 
     def __post_init__(self) -> None:
-        if min(self.octaves, self.layers, self.width) < 1 or not 1 <= self.skip < self.layers:
+        if min(self.octaves, self.layers, self.width, self.outputs) < 1 or not 1 <= self.skip < self.layers:
             raise ValueError(f"{self} is not a network: sizes must be 1 or more, 1 <= skip < layers")
 
     @property
@@ -114,7 +116,7 @@ class NetworkField(TorchField):
         inputs[self.shape.skip] += self.shape.encoded
         # Without torch's own first weights, which would be drawn from its global random state.
         self.hidden = nn.ModuleList([skip_init(nn.Linear, n, self.shape.width) for n in inputs])
-        self.output = skip_init(nn.Linear, self.shape.width, 3)
+        self.output = skip_init(nn.Linear, self.shape.width, self.shape.outputs)
         self.register_buffer("middle", torch.from_numpy(corners.mean(axis=0)).float())
         self.register_buffer("half_side", torch.tensor(0.5 * float(np.ptp(corners, axis=0).max())))
         self._start(torch.Generator().manual_seed(seed), initial_weights)

@@ -83,15 +83,39 @@ class NodesField(TorchField):
         index = blending.nearest_nodes(points, self.nodes, self.neighbours)
         away = points[:, None] - self.nodes[index]
         _, slope, bend = blending.weight_derivatives(away, self.log_widths.exp()[index])
-        turn = turn_matrices(self.rotations)[index]
-        moved = torch.einsum("nkij,nkj->nki", turn, away) + self.scale * self.translations[index]
+        translations, turns = self.motions()
+        turn = turns[index]
+        moved = torch.einsum("nkij,nkj->nki", turn, away) + self.scale * translations[index]
         return (bend[..., None] * moved).sum(1) + 2.0 * torch.einsum("nkij,nkj->ni", turn, slope)
 
     def _displace(self, points: Tensor, index: Tensor) -> Tensor:
+        return self.carried(points, index, self.motions())[0]
+
+    def carried(self, points: Tensor, index: Tensor, motions: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+        """How points are moved, and what is fixed to them turned.
+
+        Parameters
+        ----------
+        points : (N, 3) mm.
+        index : (N, k) the nodes that each follows.
+        motions : of the nodes, as `motions` gives them.
+
+        Returns
+        -------
+        displacements, turns
+            (N, 3) mm and (N, 3, 3), the blend of the nodes' R - I.
+        """
         away = points[:, None] - self.nodes[index]  # (N, k, 3)
         w = blending.weights(away, self.log_widths.exp()[index])
-        turned = torch.einsum("nkij,nkj->nki", turn_matrices(self.rotations)[index], away)
-        return (w[..., None] * (turned + self.scale * self.translations[index])).sum(1)
+        translations, turns = motions
+        turn = turns[index]
+        turned = torch.einsum("nkij,nkj->nki", turn, away)
+        moved = (w[..., None] * (turned + self.scale * translations[index])).sum(1)
+        return moved, (w[..., None, None] * turn).sum(1)
+
+    def motions(self) -> tuple[Tensor, Tensor]:
+        """Translations (M, 3) in units of the scale, and R - I (M, 3, 3)."""
+        return self.translations, turn_matrices(self.rotations)
 
     def metadata(self) -> dict[str, str]:
         """The number of nodes a point follows."""

@@ -21,7 +21,7 @@ from frametwin.files import PathLike, staged_directory
 from frametwin.fitting.camera_corrections import as_records
 from frametwin.fitting.fast_settings import FastSettings
 from frametwin.fitting.judgement import judged_on_photographs, verdict
-from frametwin.fitting.part_fit import PartFit
+from frametwin.fitting.part_fit import KernelCloud, PartFit
 from frametwin.fitting.photo_fit import (
     OUTLINE_OF_MASKS,
     ROUNDS,
@@ -48,10 +48,11 @@ FIELD_FILE = "field.safetensors"
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
-    """A twin of the whole frame, in the frame's order, and the field that moved it."""
+    """A twin of the whole frame, in the frame's order, the field that moved it, and kernels that lie on no curve."""
 
     twin: Twin
     field: DeformationField
+    cloud: KernelCloud | None = None
 
     def with_twin(self, **changes: Any) -> FitResult:
         """The same with other values in some fields of the twin; see `Twin.replace`."""
@@ -176,7 +177,7 @@ def fit_views(
     twin = twin.replace(**_views_and_verdict(part, printed, cameras))
     provenance = {"frametwin": __version__, "preset": preset, "seed": seed, "changes": dict(changes or {})}
     timing = {**part.timing, "fit": perf_counter() - began}
-    return FitResult(twin.replace(timing=timing, provenance=provenance), part.field)
+    return FitResult(twin.replace(timing=timing, provenance=provenance), part.field, part.cloud)
 
 
 def _check_views(cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> None:

@@ -41,6 +41,22 @@ class ViewsFit:
 
 
 @dataclass(frozen=True, eq=False)
+class KernelCloud:
+    """Gaussian kernels that lie on no curve.
+
+    Attributes
+    ----------
+    means : (N, 3) array, mm
+    covariances : (N, 3, 3) array, mm^2
+    opacity : (N,) array, 0..1
+    """
+
+    means: np.ndarray
+    covariances: np.ndarray
+    opacity: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class PartFit:
     """What was found of the part of a frame that is printed: E struts, V joints, K kernels a strut.
 
@@ -69,6 +85,8 @@ class PartFit:
         Whether the start and the end of each strut are at their joints, likewise.
     gap : (E, 2) array or None, mm
         How far ends that are not attached are from their joints, 0 for the others.
+    cloud : KernelCloud or None
+        The kernels, by fitters that let them leave their curves.
     """
 
     control_points: np.ndarray
@@ -85,6 +103,7 @@ class PartFit:
     sigma_along: np.ndarray | None = None
     attached: np.ndarray | None = None
     gap: np.ndarray | None = None
+    cloud: KernelCloud | None = None
 
 
 class Fitter(Protocol):

@@ -39,6 +39,7 @@ from frametwin.errors import InputError
 from frametwin.fields.base import DeformationField, enlarged_box
 from frametwin.fitting.confidence import confidence
 from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.free_kernels import FreeKernelModel
 from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.settings import FitSettings
 from frametwin.fitting.splat_model import SplatModel, to_array
@@ -51,6 +52,10 @@ STAGE = "fitting"
 
 JUDGED_SCALE, JUDGED_BLUR = 0.5, 0.7
 """Size, as a share, and blur in pixels of the pictures by which the confidence in the result is judged."""
+
+
+JOINED = 1e-6
+"""An end that is nearer to its joint than so many mm is at it."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +88,12 @@ class SplatFitter:
             raise InputError.at("settings", "warm start", problem, "use the preset fast")
         used, targets = _resized(cameras, masks, settings.image_scale)
         with _deterministic():
-            model = SplatModel(printed, enlarged_box(printed.bounds, settings.domain_margin), used, targets, settings)
+            kind = FreeKernelModel if settings.kernels == "free" else SplatModel
+            model = kind(printed, enlarged_box(printed.bounds, settings.domain_margin), used, targets, settings)
             loss = _descend(model, settings, callback)
             curves, thickness, opacity = to_array(model.curves()), model.thickness(), model.opacity()
-        vertices = np.array(printed.vertices)
-        for side, corner in ((0, 0), (1, 3)):
-            vertices[printed.edges[:, side]] = curves[:, corner]
+        vertices = _joints(printed, curves)
+        attached, gap = _loose_ends(printed, curves, vertices)
         planned = np.repeat(printed.radius[:, None], thickness.shape[1], axis=1)
         rods = Rods(curves, vertices, printed.edges, planned, np.ones_like(planned))
         terms = gauss_newton(rods, Pyramid(cameras, masks).level(JUDGED_SCALE, JUDGED_BLUR))
@@ -101,7 +106,29 @@ class SplatFitter:
             field=model.field.frozen(),
             loss=loss,
             timing={},
+            cloud=model.cloud(),
+            attached=attached,
+            gap=gap,
         )
+
+
+def _loose_ends(
+    printed: Wireframe, curves: np.ndarray, vertices: np.ndarray
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """(E, 2) which ends are at their joints, and how far off in mm the others are; nothing where none can be."""
+    gap = np.linalg.norm(curves[:, [0, 3]] - vertices[printed.edges], axis=2)
+    joined = gap <= JOINED
+    return (None, None) if joined.all() else (joined, np.where(joined, 0.0, gap))
+
+
+def _joints(printed: Wireframe, curves: np.ndarray) -> np.ndarray:
+    """(V, 3) mm: where the ends of struts meet, or the middle between them where each has an end of its own."""
+    vertices = np.array(printed.vertices)
+    where, ends = printed.edges.ravel(), curves[:, [0, 3]].reshape(-1, 3)
+    vertices[where] = ends
+    away = np.zeros_like(vertices)
+    np.add.at(away, where, ends - vertices[where])  # exactly zero where they meet
+    return vertices + away / np.maximum(np.bincount(where, minlength=len(vertices)), 1)[:, None]
 
 
 def _descend(model: SplatModel, settings: FitSettings, callback: ProgressCallback | None) -> list[float]:

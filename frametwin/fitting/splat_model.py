@@ -21,12 +21,17 @@ from frametwin.fields.lattice_torch import TrainableLattice
 from frametwin.fields.network import NetworkField
 from frametwin.fields.nodes import NodesField
 from frametwin.fields.sampling import CurveSampling
+from frametwin.fields.steered_nodes import SteeredNodes
 from frametwin.fields.torch_field import TorchField
+from frametwin.fitting import curve_terms
 from frametwin.fitting.losses import BendingLoss, image_loss
+from frametwin.fitting.part_fit import KernelCloud
 from frametwin.fitting.settings import FitSettings
+from frametwin.fitting.similarity import similarity_loss
+from frametwin.fitting.view_turns import ViewTurns
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.raster.kernels import KernelLayout, adaptive_counts, anchored_kernels, effective_radius
-from frametwin.raster.projection import Views, low_pass, project_anchored
+from frametwin.raster.kernels import AnchoredKernels, KernelLayout, adaptive_counts, anchored_kernels, effective_radius
+from frametwin.raster.projection import Projected, Views, low_pass, project_anchored
 from frametwin.raster.splat import splat_flat
 
 Floats = NDArray[np.float64]
@@ -64,12 +69,14 @@ class SplatModel:
         self.field.prepare(self.sampling)
         self.layout = _layout(frame, cameras, settings)
         self.views = Views.of(cameras, torch.float32)
-        self.target = torch.cat([t.flatten() for t in targets])
+        self.targets = targets
+        self.turns = ViewTurns(len(cameras), settings.views_per_step, settings.seed)
         alpha = settings.opacity_start
         width = effective_radius(1.0, alpha, spread=settings.spread)  # of kernels with tau = 1
-        tau = frame.radius[self.layout.strut_of_kernel] / float(width)
+        values = np.arange(frame.strut_count) if settings.values_by_strut else self.layout.strut_of_kernel
+        tau = frame.radius[values] / float(width)
         self.log_thickness = torch.tensor(np.log(tau), dtype=torch.float32).requires_grad_()
-        self.logit_opacity = torch.full((self.layout.size,), float(np.log(alpha / (1.0 - alpha)))).requires_grad_()
+        self.logit_opacity = torch.full((len(values),), float(np.log(alpha / (1.0 - alpha)))).requires_grad_()
         self.bending = BendingLoss(
             box,
             frame.control_points,
@@ -94,35 +101,69 @@ class SplatModel:
         return self.plan + self.field.control_displacements(self.sampling).double()
 
     def loss(self, curves: Tensor) -> Tensor:
-        """Total loss of curves (paper, Eq. 13)."""
+        """Total loss of curves (paper, Eq. 13) in the views of the next step."""
         settings = self.settings
-        kernels = anchored_kernels(curves.float(), self.layout, spread=settings.spread)
-        projected = project_anchored(kernels, self.log_thickness.exp(), self.views)
-        opacity = torch.sigmoid(self.logit_opacity)
+        chosen = self.turns.take()
+        views = self.views if len(chosen) == len(self.targets) else self.views.only(chosen)
+        projected, terms = self.projected(curves, views)
+        opacity = torch.sigmoid(self._by_kernel(self.logit_opacity))
         means, conics, opacity = low_pass(projected, opacity, variance=settings.pixel_variance)
-        seen = splat_flat(means, conics, opacity, self.views.sizes)
-        loss = image_loss(self._by_view(seen), self._by_view(self.target), reduction=settings.image_loss)
+        seen = splat_flat(means, conics, opacity, views.sizes)
+        loss = self._image_loss(seen, [self.targets[i] for i in chosen])
         if settings.bending_weight > 0.0:
             # From mm to units of the scale: gamma has the power p, the volume 3, the Laplacian squared -2.
             unit = self.scale ** -(settings.bending_power + 1.0)
             bend = self.bending(self.field.laplacian_of, self.field.dtype)
             loss = loss + settings.bending_weight * unit * bend
+        for weight, term in terms:
+            loss = loss + weight * term
         return loss
 
-    def _by_view(self, pixels: Tensor) -> list[Tensor]:
-        """The pixels of each view; of all views at once where they only have to be added."""
-        if self.settings.image_loss == "sum":
-            return [pixels]
-        return list(pixels.split([height * width for height, width in self.views.sizes]))
+    def projected(self, curves: Tensor, views: Views) -> tuple[Projected, list[tuple[float, Tensor]]]:
+        """Kernels of curves in some views, and what is asked of them beside the pictures, with its weights."""
+        kernels = anchored_kernels(curves.float(), self.layout, spread=self.settings.spread)
+        projected = project_anchored(kernels, self._by_kernel(self.log_thickness).exp(), views)
+        return projected, self._curve_terms(curves, kernels)
+
+    def _curve_terms(self, curves: Tensor, kernels: AnchoredKernels) -> list[tuple[float, Tensor]]:
+        settings, terms = self.settings, []
+        count = self.layout.even_count
+        if settings.smoothness_weight > 0.0 and count is not None:
+            terms.append((settings.smoothness_weight, curve_terms.smoothness(kernels.tangents.view(-1, count, 3))))
+        if settings.opacity_weight > 0.0:
+            terms.append((settings.opacity_weight, curve_terms.sparsity(torch.sigmoid(self.logit_opacity))))
+        if settings.width_weight > 0.0:
+            terms.append((settings.width_weight, curve_terms.excess_width(self.log_thickness.exp() / self.scale)))
+        if settings.connection_weight > 0.0 and self.turns.taken > curve_terms.LATE * settings.iterations:
+            terms.append((settings.connection_weight, curve_terms.connection(curves[:, [0, 3]] / self.scale)))
+        return terms
+
+    def _image_loss(self, seen: Tensor, targets: list[Tensor]) -> Tensor:
+        kind = self.settings.image_loss
+        if kind == "sum":  # of all views at once, which only have to be added
+            return image_loss([seen], [torch.cat([target.flatten() for target in targets])], reduction=kind)
+        images = list(seen.split([target.numel() for target in targets]))
+        if kind == "mean":
+            return image_loss(images, [target.flatten() for target in targets], reduction=kind)
+        shaped = [image.view(target.shape) for image, target in zip(images, targets, strict=True)]
+        return similarity_loss(shaped, targets, kind)
+
+    def _by_kernel(self, values: Tensor) -> Tensor:
+        """(N,) values of all kernels, of which those of a strut may have one together."""
+        return values[torch.from_numpy(self.layout.strut_of_kernel)] if self.settings.values_by_strut else values
+
+    def cloud(self) -> KernelCloud | None:
+        """Kernels that are not on the curves; none of these are."""
+        return None
 
     def opacity(self) -> Floats:
         """(E, K) array, 0..1: opacity along the struts."""
-        return stretched(to_array(torch.sigmoid(self.logit_opacity)), self.layout.counts)
+        return stretched(to_array(torch.sigmoid(self._by_kernel(self.logit_opacity))), self.layout.counts)
 
     def thickness(self) -> Floats:
         """(E, K) array, mm: effective radius along the struts."""
-        opacity = to_array(torch.sigmoid(self.logit_opacity))
-        tau = to_array(self.log_thickness.exp())
+        opacity = to_array(torch.sigmoid(self._by_kernel(self.logit_opacity)))
+        tau = to_array(self._by_kernel(self.log_thickness).exp())
         radius = effective_radius(tau, opacity, spread=self.settings.spread)
         return stretched(radius, self.layout.counts)
 
@@ -161,9 +202,13 @@ def _start_field(box: Floats, scale: float, sampling: CurveSampling, settings: F
     if settings.field == "lattice":
         lattice = LatticeField.zeros(box, [even_cells(box, cells) for cells in settings.lattice_cells])
         return TrainableLattice(lattice, scale)
-    if settings.field == "nodes":
-        return NodesField.spread_over(sampling.points, settings.node_count, scale, settings.node_neighbours)
-    return FreeField.on_curves(sampling, scale)
+    if settings.field == "free":
+        return FreeField.on_curves(sampling, scale, settings.share_ends)
+    nodes = NodesField.spread_over(sampling.points, settings.node_count, scale, settings.node_neighbours)
+    if settings.node_motion == "free":
+        return nodes
+    first = {"encoding": settings.encoding, "initial_weights": settings.initial_weights}
+    return SteeredNodes(nodes.nodes.numpy(), scale, settings.node_neighbours, settings.seed, **first)
 
 
 def _layout(frame: Wireframe, cameras: Sequence[Camera], settings: FitSettings) -> KernelLayout:

@@ -59,6 +59,17 @@ class Views:
             sizes=tuple((camera.height, camera.width) for camera in cameras),
         )
 
+    def only(self, chosen: Sequence[int]) -> Views:
+        """Some of the views, by number."""
+        rows = list(chosen)
+        return Views(
+            rotation=self.rotation[rows],
+            translation=self.translation[rows],
+            focal=self.focal[rows],
+            centre=self.centre[rows],
+            sizes=tuple(self.sizes[i] for i in rows),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Projected:

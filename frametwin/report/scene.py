@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from frametwin.evaluation.evaluate import Errors
 from frametwin.geometry.displacement import strut_displacements
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.twin.findings import missing_struts, uncertain_struts
+from frametwin.twin.findings import missing_struts, torn_ends, uncertain_struts
 from frametwin.twin.twin import Twin
 
 SAMPLES = 12
@@ -37,7 +37,9 @@ class Scene:
     quantities : mapping of str to (E,) array
         Figures of each strut by name, NaN where there is none.
     marks : mapping of str to (N,) array
-        Indices of struts of which something is to be said: missing, uncertain, lost.
+        Indices of struts of which something is to be said: missing, uncertain, torn, lost.
+    torn : sequence of (int, int, float)
+        Ends that are off their joints: the strut, 0 for its start or 1 for its end, and how far off in mm.
     """
 
     label: str
@@ -45,6 +47,7 @@ class Scene:
     curves: np.ndarray
     quantities: Mapping[str, np.ndarray]
     marks: Mapping[str, np.ndarray] = field(default_factory=dict)
+    torn: Sequence[tuple[int, int, float]] = ()
 
     @classmethod
     def of_twin(cls, label: str, plan: Wireframe, twin: Twin, errors: Errors | None = None) -> Scene:
@@ -56,7 +59,11 @@ class Scene:
             quantities |= {"sigma_across": twin.sigma_across, "sigma_along": twin.sigma_along}
         quantities |= {"completeness": twin.completeness, "confidence": twin.confidence}
         marks = {"missing": missing_struts(twin, plan.printed), "uncertain": uncertain_struts(twin, plan.printed)}
-        return cls(label, plan, twin.control_points, quantities, marks)
+        torn = torn_ends(twin, plan.printed)
+        if torn:
+            quantities["gap"] = twin.gap.max(axis=1) if twin.gap is not None else np.full(plan.strut_count, np.nan)
+            marks["torn"] = np.unique([strut for strut, _, _ in torn])
+        return cls(label, plan, twin.control_points, quantities, marks, torn)
 
     def content(self, *, with_plan: bool = True) -> dict[str, Any]:
         """As for the page: printed struts by number, their curves, and their figures.
@@ -73,6 +80,7 @@ class Scene:
             "curves": floats(self.curves[struts]),
             "quantities": {name: numbers(values[struts]) for name, values in self.quantities.items()},
             "marks": {name: values.tolist() for name, values in self.marks.items()},
+            "torn": [[strut, side, None if np.isnan(gap) else round(gap, DIGITS)] for strut, side, gap in self.torn],
         }
         return {**told, "plan": plan_content(self.plan)} if with_plan else told
 

@@ -41,6 +41,22 @@ def uncertain_struts(twin: Twin, printed: np.ndarray) -> np.ndarray:
     return np.setdiff1d(uncertain, missing_struts(twin, printed))
 
 
+def torn_ends(twin: Twin, printed: np.ndarray) -> list[tuple[int, int, float]]:
+    """Ends of printed struts, (E,) bool, that are off their joints, the furthest first.
+
+    Returns
+    -------
+    list of (int, int, float)
+        The strut, 0 for its start or 1 for its end, and how far off in mm, NaN where the twin does not tell; empty
+        where the preset did not look.
+    """
+    if twin.attached is None:
+        return []
+    gap = np.full(twin.attached.shape, np.nan) if twin.gap is None else twin.gap
+    ends = [(int(e), int(k), float(gap[e, k])) for e, k in np.argwhere(~twin.attached & printed[:, None])]
+    return sorted(ends, key=lambda end: (-np.nan_to_num(end[2]), end))
+
+
 @dataclass(frozen=True, eq=False)
 class Detection:
     """How well missing struts were found. All are rising strut indices.

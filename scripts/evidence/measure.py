@@ -11,9 +11,11 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.cameras.rigs import box_around, ring_rig
+from frametwin.evaluation.curve_distance import CurveSet
 from frametwin.evaluation.evaluate import evaluate
 from frametwin.fields.base import DeformationField
 from frametwin.fitting.api import FitResult, fit_views
+from frametwin.fitting.part_fit import KernelCloud
 from frametwin.geometry import bezier
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
@@ -27,7 +29,10 @@ from frametwin.simulation.simulate import Simulation, SimulationSettings, simula
 from frametwin.twin.twin import Twin
 from scripts.evidence.cases import WAYS, Case
 from scripts.evidence.records import BINS
-from scripts.evidence.scenes import cube_with_one_bent_strut, masks_of, peak_megabytes, whole_frame
+from scripts.evidence.scenes import cube_with_one_bent_strut, masks_of, peak_megabytes, uppermost, whole_frame
+
+FAINT = 0.05
+"""Kernels of a lower opacity do not count as seen."""
 
 GONE = 0.5
 """Kernels of a lower opacity are left out, as in the paper's figure."""
@@ -51,7 +56,9 @@ def _fit(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
     simulation = dict(case.simulation)
     if "size" in simulation:
         simulation["size"] = tuple(simulation["size"])  # which files have as a list
-    capture = simulate(whole_frame(Path(case.frame)), SimulationSettings(**simulation))
+    frame, part = whole_frame(Path(case.frame)), simulation.pop("uppermost", None)
+    frame = frame if part is None else uppermost(frame, part)
+    capture = simulate(frame, SimulationSettings(**simulation))
     masks = masks_of(capture)
     began = perf_counter()
     result = fit_views(capture.frame, capture.cameras, masks, case.preset, changes=case.changes, callback=progress)
@@ -68,9 +75,19 @@ def _fit(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
         "after": errors.summary(),
         "histogram": _histogram(errors.strut_mean),
         "loss": [float(f"{loss:.5g}") for loss in twin.loss],
+        **_kernels(result.cloud, capture),
         **_missing(twin, capture),
         **_unprinted(result, capture.frame),
     }
+
+
+def _kernels(cloud: KernelCloud | None, capture: Simulation) -> dict[str, Any]:
+    """How far kernels that lie on no curve are from the truth, those that are seen at all."""
+    if cloud is None:
+        return {}
+    shown = cloud.opacity >= FAINT
+    away = CurveSet.build(capture.truth.control_points, capture.present).distances(cloud.means[shown])
+    return {"kernels": {"shown": float(shown.mean()), "mean": float(away.mean()), "max": float(away.max())}}
 
 
 def _load_compiled_kernels(preset: str) -> None:
@@ -141,20 +158,38 @@ def _cube(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
     seen = list(ring_rig(box_around(plan, truth), 8))
     new = list(ring_rig(box_around(plan, truth), 16, elevation_deg=(30.0, 60.0)))[1::2]  # between them, and from above
     masks = [picture / np.float32(255) for picture in silhouettes(truth, seen, progress=progress)]
-    twin = fit_views(plan, seen, masks, case.preset, changes=case.changes, callback=progress).twin
-    fitted = plan.replace(vertices=twin.vertices, control_points=twin.control_points)
+    result = fit_views(plan, seen, masks, case.preset, changes=case.changes, callback=progress)
+    twin = result.twin
+    shown = twin.as_wireframe(plan) if result.cloud is None else result.cloud
     return {
         "struts": plan.strut_count,
         "after": evaluate(twin.control_points, twin.vertices, truth).summary(),
-        "unlike": {"input": unlike(fitted, truth, seen), "new": unlike(fitted, truth, new)},
+        "unlike": {"input": unlike(shown, truth, seen), "new": unlike(shown, truth, new)},
     }
 
 
-def unlike(one: Wireframe, other: Wireframe, cameras: Sequence[Camera]) -> float:
-    """Share of the pixels of either silhouette that are not in both: 1 - intersection / union, over all views."""
-    pictures = (np.stack(silhouettes(frame, cameras)) > 127 for frame in (one, other))
-    first, second = pictures
+def unlike(one: Wireframe | KernelCloud, other: Wireframe, cameras: Sequence[Camera]) -> float:
+    """Share of the pixels of either silhouette that are not in both: 1 - intersection / union, over all views.
+
+    Free kernels are shown by themselves, as the paper shows them; their silhouette is where they cover half a pixel.
+    """
+    first = np.stack(silhouettes(one, cameras) if isinstance(one, Wireframe) else pictures_of(one, cameras)) > 127
+    second = np.stack(silhouettes(other, cameras)) > 127
     return float(1.0 - (first & second).sum() / (first | second).sum())
+
+
+def pictures_of(cloud: KernelCloud, cameras: Sequence[Camera]) -> list[np.ndarray]:
+    """(H, W) pictures, 0..255, of kernels."""
+    import torch
+
+    from frametwin.raster.projection import Views, low_pass, project_covariances
+    from frametwin.raster.splat import splat_flat
+
+    means, covariances, opacity = (torch.from_numpy(v) for v in (cloud.means, cloud.covariances, cloud.opacity))
+    views = Views.of(cameras)
+    seen = splat_flat(*low_pass(project_covariances(means, covariances, views), opacity), views.sizes)
+    parts = seen.split([height * width for height, width in views.sizes])
+    return [255.0 * part.view(size).numpy() for part, size in zip(parts, views.sizes, strict=True)]
 
 
 def _print(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:

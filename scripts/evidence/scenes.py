@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from frametwin.formats import read_frame
 from frametwin.geometry import bezier
@@ -38,6 +40,19 @@ def whole_frame(path: Path) -> Wireframe:
     frame = read_frame(path)
     radius = RADIUS_SHARE * float(np.median(frame.chord_lengths))
     return frame.replace(radius=np.full(frame.strut_count, radius), printed=np.ones(frame.strut_count, dtype=bool))
+
+
+def uppermost(frame: Wireframe, count: int) -> Wireframe:
+    """The largest connected piece of so many uppermost struts of a frame, held where it is cut off."""
+    height = frame.vertices[frame.edges][:, :, 2].mean(axis=1)
+    kept = np.zeros(frame.strut_count, dtype=bool)
+    kept[np.argsort(-height, kind="stable")[:count]] = True
+    ends = frame.edges[kept]
+    links = coo_matrix((np.ones(count), ends.T), shape=(frame.vertex_count, frame.vertex_count))
+    piece = connected_components(links, directed=False)[1][frame.edges[:, 0]]
+    kept &= piece == np.bincount(piece[kept]).argmax()
+    part, joints = frame.subset(kept)
+    return part.replace(grounded=part.grounded | np.isin(joints, frame.edges[~kept]))
 
 
 def masks_of(capture: Simulation) -> list[np.ndarray]:

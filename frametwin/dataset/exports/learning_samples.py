@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from frametwin.capture.capture import Capture, read_capture
 from frametwin.capture.image_files import encode_png
 from frametwin.capture.picture import Picture
+from frametwin.dataset.camera_errors import TRUE_FILE
 from frametwin.dataset.exports.settings import ExportSettings
 from frametwin.dataset.folder import Dataset, SampleEntry, read_sample, sample_name
 from frametwin.dataset.sample_arrays import Arrays, parts_of, sample_arrays
@@ -19,7 +20,7 @@ from frametwin.dataset.tensor_kinds import KINDS, PARTS
 from frametwin.errors import InputError
 from frametwin.progress import Progress, ProgressCallback, report
 
-ARRAY_PARTS = ("cameras", "curves", "visibility")
+ARRAY_PARTS = ("cameras", "true_cameras", "curves", "visibility")
 """Parts that are arrays in files; the others are pictures."""
 
 PASSES = tuple(kind.name for kind in KINDS.values() if kind.part == "passes")
@@ -75,9 +76,12 @@ class LearningSample:
 
 
 def learning_samples(
-    dataset: Dataset, settings: ExportSettings, progress: ProgressCallback | None = None
+    dataset: Dataset,
+    settings: ExportSettings,
+    progress: ProgressCallback | None = None,
+    without: Collection[int] = (),
 ) -> Iterator[LearningSample]:
-    """All samples of a dataset, part by part, by rising index.
+    """All samples of a dataset, part by part, by rising index; but not those whose index is among ``without``.
 
     Raises
     ------
@@ -93,17 +97,21 @@ def learning_samples(
         parts = {"train": list(entries)}
     else:
         parts = split_samples(dataset, settings.shares, settings.split_seed)
+    erring = any((entry.folder / TRUE_FILE).is_file() for entry in dataset.samples)
+    extra = {"visibility", "true_cameras"} if erring else {"visibility"}
     done = 0
     for part, indices in parts.items():
         for index in indices:
             report(progress, Progress("exporting samples", done, len(entries)))
-            yield _learning_sample(entries[index], part, settings)
+            if index not in without:
+                yield _learning_sample(entries[index], part, settings, extra)
             done += 1
 
 
-def _learning_sample(entry: SampleEntry, part: str, settings: ExportSettings) -> LearningSample:
+def _learning_sample(entry: SampleEntry, part: str, settings: ExportSettings, extra: set[str]) -> LearningSample:
+    """A sample with the parts that its files give and some more, which all samples of a dataset shall have."""
     sample, capture = read_sample(entry.folder), read_capture(entry.folder)
-    there = {*parts_of(sample), "visibility"}
+    there = {*parts_of(sample), *extra}
     wanted = [name for name in PARTS if name in there and name not in ("images", "backgrounds")]
     arrays = sample_arrays(capture, wanted, settings.scale)
     share = arrays.pop("masks")

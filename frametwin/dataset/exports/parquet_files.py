@@ -13,6 +13,7 @@ import numpy as np
 
 from frametwin.dataset.exports.dataset_card import CARD_FILE, card_text
 from frametwin.dataset.exports.learning_samples import ARRAY_PARTS, EncodedPicture, LearningSample, learning_samples
+from frametwin.dataset.exports.ledger import WRITING, Ledger, Shard
 from frametwin.dataset.exports.libraries import needed
 from frametwin.dataset.exports.settings import ExportSettings
 from frametwin.dataset.folder import Dataset
@@ -37,36 +38,51 @@ def check_parquet() -> None:
 def write_parquet(
     dataset: Dataset, stage: Path, settings: ExportSettings, progress: ProgressCallback | None = None
 ) -> dict[str, Any]:
-    """Write a dataset as Parquet files and a card into a folder that exists; a row is a sample with all its views.
+    """Write a dataset as Parquet files and a card into a folder with a ledger, going on behind files that are there.
+
+    A row is a sample with all its views.
 
     Returns
     -------
     dict
         Files, and numbers of samples, by part.
     """
-    (stage / "data").mkdir()
-    files = _Files(stage / "data", settings.shard_bytes)
+    (stage / "data").mkdir(exist_ok=True)
+    ledger = Ledger(stage)
+    files = _Files(ledger, settings.shard_bytes)
     try:
-        for sample in learning_samples(dataset, settings, progress):
+        for sample in learning_samples(dataset, settings, progress, ledger.samples):
             files.add(sample)
+        files.finish()
     finally:
         files.close()
-    names = files.named()
-    write_text(stage / CARD_FILE, card_text(dataset, settings, files.counts, files.columns))
-    return {"files": names, "parts": files.counts}
+    counts = ledger.counts()
+    write_text(stage / CARD_FILE, card_text(dataset, settings, counts, files.columns))
+    return {"files": _named(ledger), "parts": counts}
+
+
+def _named(ledger: Ledger) -> dict[str, list[str]]:
+    """Give the files their names, which count them, and tell these by part."""
+    names: dict[str, list[str]] = {}
+    for part, places in ledger.names().items():
+        names[part] = [f"{part}-{k:05d}-of-{len(places):05d}.parquet" for k in range(len(places))]
+        for place, name in zip(places, names[part], strict=True):
+            if (ledger.folder / place).is_file():  # else an earlier export was stopped here
+                (ledger.folder / place).replace(ledger.folder / "data" / name)
+    return names
 
 
 class _Files:
     """Writes samples into Parquet files, of which another begins where one is large enough or the part is another."""
 
-    def __init__(self, folder: Path, limit: float) -> None:
-        self.folder, self.limit = folder, limit
-        self.counts: dict[str, int] = {}
-        self.columns: list[str] = []
-        self._places: dict[str, list[Path]] = {}
+    def __init__(self, ledger: Ledger, limit: float) -> None:
+        self.ledger, self.limit = ledger, limit
+        # All files have the columns of the first sample: what a dataset has, all of its samples have.
+        self.columns = list(ledger.shards[0].columns) if ledger.shards else []
         self._rows: list[Any] = []  # tables of one row
         self._waiting = self._size = 0.0
         self._part = ""
+        self._samples: list[int] = []
         self._writer: Any = None
         self._arrow = needed("pyarrow", "pyarrow", "the format huggingface")
         self._parquet = needed("pyarrow.parquet", "pyarrow", "the format huggingface")
@@ -77,40 +93,38 @@ class _Files:
         columns = {name: _column(self._arrow, name, value) for name, value in row.items()}
         size = sum(column.nbytes for column in columns.values())
         if self._writer is None or self._part != sample.part or self._size + size > self.limit:
+            self.finish()
             self._begin(sample.part, row)
         self._rows.append(self._arrow.Table.from_pydict(columns, schema=self._writer.schema))
         self._waiting, self._size = self._waiting + size, self._size + size
-        self.counts[sample.part] = self.counts.get(sample.part, 0) + 1
+        self._samples.append(sample.facts["index"])
         if self._waiting > ROW_GROUP_BYTES:
             self._write_rows()
 
+    def finish(self) -> None:
+        """End the last file, which is then whole."""
+        if self._writer is None:
+            return
+        self._write_rows()
+        self.close()
+        name = f"data/{self._part}-{len(self.ledger.names().get(self._part, ())):05d}"
+        (self.ledger.folder / WRITING).replace(self.ledger.folder / name)
+        self.ledger.add(Shard(self._part, name, self._samples, self.columns))
+        self._samples = []
+
     def close(self) -> None:
-        """End the last file."""
+        """Close the last file."""
         if self._writer is not None:
-            self._write_rows()
             self._writer.close()
             self._writer = None
 
-    def named(self) -> dict[str, list[str]]:
-        """Give the files their names, which count them, and tell these by part."""
-        names: dict[str, list[str]] = {}
-        for part, places in self._places.items():
-            names[part] = [f"{part}-{k:05d}-of-{len(places):05d}.parquet" for k in range(len(places))]
-            for place, name in zip(places, names[part], strict=True):
-                place.rename(self.folder / name)
-        return names
-
     def _begin(self, part: str, row: dict[str, Any]) -> None:
-        self.close()
-        places = self._places.setdefault(part, [])
-        places.append(self.folder / f"{part}-{len(places):05d}")
-        # All files have the columns of the first sample: what a dataset has, all of its samples have.
         self.columns = self.columns or list(row)
         features = {name: _feature(name) for name in self.columns}
         notes = {"huggingface": json.dumps({"info": {"features": features}})}
         fields = [(name, _arrow_type(self._arrow, feature)) for name, feature in features.items()]
         schema = self._arrow.schema(fields, metadata=notes)
-        self._writer = self._parquet.ParquetWriter(places[-1], schema, compression="zstd")
+        self._writer = self._parquet.ParquetWriter(self.ledger.folder / WRITING, schema, compression="zstd")
         self._part, self._size = part, 0.0
 
     def _write_rows(self) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.dataset.exports.learning_samples import LearningSample, learning_samples
+from frametwin.dataset.exports.ledger import WRITING, Ledger, Shard
 from frametwin.dataset.exports.settings import ExportSettings
 from frametwin.dataset.folder import Dataset
 from frametwin.files import dump_json
@@ -23,7 +24,7 @@ from frametwin.progress import ProgressCallback
 def write_webdataset(
     dataset: Dataset, stage: Path, settings: ExportSettings, progress: ProgressCallback | None = None
 ) -> dict[str, Any]:
-    """Write a dataset as shards into a folder that exists.
+    """Write a dataset as shards into a folder with a ledger, going on behind those that are there.
 
     A sample ``000000`` has ``json`` (facts), ``image_00.png`` and so on, ``mask_00.png``, ``background_00.png``,
     ``arrays.npz`` and ``passes.npz``, the last as far as they are there.
@@ -33,50 +34,56 @@ def write_webdataset(
     dict
         Shards, and numbers of samples, by part.
     """
-    shards = _Shards(stage, settings.shard_bytes)
+    ledger = Ledger(stage)
+    shards = _Shards(ledger, settings.shard_bytes)
     try:
-        for sample in learning_samples(dataset, settings, progress):
+        for sample in learning_samples(dataset, settings, progress, ledger.samples):
             shards.add(sample)
+        shards.finish()
     finally:
         shards.close()
-    return {"shards": shards.names, "parts": shards.counts}
+    return {"shards": ledger.names(), "parts": ledger.counts()}
 
 
 class _Shards:
     """Writes samples into tar files, of which another begins where one is large enough or the part is another."""
 
-    def __init__(self, folder: Path, limit: float) -> None:
-        self.folder, self.limit = folder, limit
-        self.names: dict[str, list[str]] = {}
-        self.counts: dict[str, int] = {}
+    def __init__(self, ledger: Ledger, limit: float) -> None:
+        self.ledger, self.limit = ledger, limit
         self._tar: tarfile.TarFile | None = None
         self._part, self._size = "", 0.0
+        self._samples: list[int] = []
 
     def add(self, sample: LearningSample) -> None:
         """Write a sample behind the last one."""
         members = list(_members(sample))
         size = sum(len(data) for _, data in members)
         if self._tar is None or self._part != sample.part or self._size + size > self.limit:
-            self._begin(sample.part)
-        assert self._tar is not None
+            self.finish()
+            self._tar = tarfile.TarFile(self.ledger.folder / WRITING, "w", format=tarfile.USTAR_FORMAT)
+            self._part, self._size = sample.part, 0.0
         for suffix, data in members:
             member = tarfile.TarInfo(f"{sample.name}.{suffix}")  # no date, no owner
             member.size = len(data)
             self._tar.addfile(member, io.BytesIO(data))
         self._size += size
-        self.counts[sample.part] = self.counts.get(sample.part, 0) + 1
+        self._samples.append(sample.facts["index"])
+
+    def finish(self) -> None:
+        """End the last file, which is then whole."""
+        if self._tar is None:
+            return
+        self.close()
+        name = f"{self._part}-{len(self.ledger.names().get(self._part, ())):06d}.tar"
+        (self.ledger.folder / WRITING).replace(self.ledger.folder / name)
+        self.ledger.add(Shard(self._part, name, self._samples))
+        self._samples = []
 
     def close(self) -> None:
-        """End the last file."""
+        """Close the last file."""
         if self._tar is not None:
             self._tar.close()
-
-    def _begin(self, part: str) -> None:
-        self.close()
-        names = self.names.setdefault(part, [])
-        names.append(f"{part}-{len(names):06d}.tar")
-        self._tar = tarfile.TarFile(self.folder / names[-1], "w", format=tarfile.USTAR_FORMAT)
-        self._part, self._size = part, 0.0
+            self._tar = None
 
 
 def _members(sample: LearningSample) -> Iterator[tuple[str, bytes]]:

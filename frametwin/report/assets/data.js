@@ -28,8 +28,9 @@ const QUANTITIES = {
   sigma_along: { name: "sigma along the strut", unit: "mm" },
   completeness: { name: "completeness", unit: "%", factor: 100, good: true },
   confidence: { name: "confidence", unit: "", good: true },
+  gap: { name: "gap at a torn end", unit: "mm" },
 };
-const COLOURED = ["displacement", "error", "sigma_across", "completeness"];
+const COLOURED = ["displacement", "error", "sigma_across", "completeness", "gap"];
 const OUTLINE = { twin: "#e8751a", plan: "#2a8fd6", truth: "#2fb58b" };
 const DARK = window.matchMedia("(prefers-color-scheme: dark)");
 
@@ -61,7 +62,7 @@ function ramp(share) {
   return RAMP[low].map((value, k) => value + (RAMP[low + 1][k] - value) * (at - low));
 }
 const css = (rgb) => `rgb(${rgb.map(Math.round).join(" ")})`;
-const MISSING = [214, 39, 60], NONE = [130, 138, 150];
+const MISSING = [214, 39, 60], NONE = [130, 138, 150], TORN = [150, 60, 190];
 
 /** The scene, decoded once. */
 function opened(scene) {

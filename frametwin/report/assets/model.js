@@ -39,6 +39,8 @@ class Model {
     this.ghost = this.wires(plan.curves, plan.curves.length / 12, this.ghostColour(), 0.55);
     this.scene.add(this.ghost);
     this.ghost.visible = $("ghost").checked;
+    this.knobs = this.octahedra(scene, this.shown, plan.radius);
+    this.scene.add(this.knobs);
     if (truth) {
       this.truth = this.wires(this.moved(scene, truth, plan), count, OUTLINE.truth, 0.95);
       this.truth.visible = $("truth").checked;
@@ -50,7 +52,7 @@ class Model {
   }
 
   clear() {
-    for (const item of [this.tubes, this.ghost, this.truth]) if (item) { this.scene.remove(item); item.geometry.dispose(); item.material.dispose(); }
+    for (const item of [this.tubes, this.ghost, this.knobs, this.truth]) if (item) { this.scene.remove(item); item.geometry.dispose(); item.material.dispose(); }
     this.truth = null;
   }
   ghostColour() { return DARK.matches ? "#7b8594" : "#9aa3af"; }
@@ -98,6 +100,23 @@ class Model {
     geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(count * per * 3), 3));
     geometry.setIndex(new THREE.BufferAttribute(index, 1));
     return new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide }));
+  }
+
+  /** A knob at every end that is off its joint. */
+  octahedra(scene, curves, radius) {
+    const { place } = opened(scene), ends = scene.torn || [], position = [];
+    for (const [strut, side] of ends) {
+      const size = 2.5 * radius[strut], o = 12 * place.get(strut) + 9 * side;
+      for (let face = 0; face < 8; face++) for (let k = 0; k < 3; k++) {
+        const corner = [0, 0, 0];
+        corner[k] = face & (1 << k) ? size : -size;
+        position.push(...corner.map((value, j) => value + curves[o + j]));
+      }
+    }
+    const geometry = new THREE.BufferGeometry(), [red, green, blue] = TORN.map((value) => value / 255);
+    geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(position), 3));
+    const colour = new THREE.Color().setRGB(red, green, blue, THREE.SRGBColorSpace);
+    return new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color: colour, side: THREE.DoubleSide }));
   }
 
   wires(curves, count, colour, opacity) {

@@ -61,6 +61,7 @@ function legend() {
   const { marked, truth } = opened(scene());
   if (marked.missing?.size) key(css(MISSING), `missing (${marked.missing.size})`);
   if (marked.lost?.size) key(css(MISSING), `lost (${marked.lost.size})`);
+  if (marked.torn?.size) key(css(TORN), `torn ends (${scene().torn.length})`);
   key("var(--ghost)", DATA.kind === "job" ? "design" : "plan");
   if (truth) key(OUTLINE.truth, "truth");
   $("legend").replaceChildren(make("div", { class: "scale" }, make("div", {}, `${name}${unit ? ` in ${unit}` : ""}`), make("div", { class: "strip", style: `background:linear-gradient(90deg,${stops})` }), make("div", { class: "ticks" }, ...marks.map((mark) => make("span", {}, String(mark))))), ...keys);
@@ -73,6 +74,7 @@ function strutCard() {
   const { plan, curves, marked } = opened(own), o = 12 * i, ends = [0, 9].map((k) => [...curves.slice(o + k, o + k + 3)].map((value) => value.toFixed(2)).join(", "));
   const rows = Object.entries(QUANTITIES).filter(([name]) => own.quantities[name]).map(([name, { name: words }]) => [words, told(name, own.quantities[name][i])]);
   rows.push(["radius of the plan", figure(plan.radius[chosenStrut], "mm")], ["joints", `${plan.edges[2 * chosenStrut]} and ${plan.edges[2 * chosenStrut + 1]}`], ["starts at", ends[0]], ["ends at", ends[1]]);
+  for (const [strut, side, gap] of own.torn || []) if (strut === chosenStrut) rows.push([`${END_NAMES[side]} torn off its joint by`, figure(gap, "mm")]);
   const says = Object.keys(marked).filter((name) => marked[name].has(chosenStrut));
   box.replaceChildren(make("h2", {}, `Strut ${chosenStrut} `, make("small", {}, says.join(", "))), make("table", {}, make("tbody", {}, ...rows.map(([name, value]) => make("tr", {}, make("td", {}, name), make("td", {}, value))))));
 }
@@ -115,6 +117,15 @@ function worst() {
     parts.push(make("div", { class: "crops" }, ...blocks.map(([strut, crops]) => make("div", { class: "crop" }, make("h3", {}, strutButton(+strut)), make("div", {}, ...crops.map((crop) => make("figure", {}, shot(crop, own, { only: +strut, label: `Strut ${strut} in ${own.views[crop.view].name}`, onclick: () => choose(+strut, true) }), make("figcaption", {}, own.views[crop.view].name))))))));
   }
   $("worst").replaceChildren(...parts);
+}
+
+const END_NAMES = ["start", "end"];
+function torn() {
+  const own = scene(), { plan } = opened(own), ends = own.torn || [];
+  $("torn").hidden = !ends.length;
+  const rows = ends.map(([strut, side, gap]) => make("tr", { "data-strut": strut }, make("td", {}, strutButton(strut)), make("td", {}, END_NAMES[side]), make("td", {}, String(plan.edges[2 * strut + side])), make("td", {}, figure(gap, "mm"))));
+  const head = make("tr", {}, ...["", "which end", "joint", "gap"].map((text) => make("th", {}, text)));
+  $("torn").replaceChildren(make("h2", {}, "Ends that are off their joints"), make("div", { class: "wide" }, make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows))));
 }
 
 function photographs() {
@@ -190,7 +201,7 @@ function options() {
 
 function all() {
   SHOTS.length = 0;
-  verdict(); $("moments").told?.(); legend(); strutCard(); histogramCard(); charts(); worst(); photographs(); cameras(); markSample();
+  verdict(); $("moments").told?.(); legend(); strutCard(); histogramCard(); charts(); torn(); worst(); photographs(); cameras(); markSample();
   model?.show(scene(), quantity, chosenStrut);
 }
 
