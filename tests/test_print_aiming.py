@@ -97,6 +97,28 @@ def test_a_material_is_found_again_with_an_error_bar(bridge: Wireframe, sequence
     assert abs(off[0] - off[3]) < 0.5 and fit.trust > 0.9
 
 
+def test_what_twins_are_off_by_time_after_time_is_not_taken_for_movement(
+    bridge: Wireframe, sequence: PrintSequence
+) -> None:
+    """Twins that are shifted, and off at each joint in the same way in every batch, tell the material all the same."""
+    model, rng = CreepModel(bridge, SETTINGS), np.random.default_rng(5)
+    truth, fit = MaterialFit.start(model, known(1.8, 450.0, 0.13, 0.12)), MaterialFit.start(model)
+    off = np.array([0.15, -0.1, 0.2]) + 0.15 * rng.normal(size=(bridge.vertex_count, 3))
+    real = records(truth, sequence, BATCHES, 0.0)
+    for record in real:
+        old = record.state.there[:, None]
+        state = dataclasses.replace(record.state, points=record.state.points + np.where(old, off, 0.0))
+        moved = np.where(record.known[:, None], record.moved + np.where(old, 0.0, off), 0.0)
+        fit = fit.updated(dataclasses.replace(record, state=state, moved=moved))
+    wrong = np.array(fit.estimate.mean) - np.array(truth.estimate.mean)
+    assert (np.abs(wrong) < 3.0 * np.array(fit.estimate.deviation)).all()
+    assert np.abs(wrong[[0, 3, 4]]).max() < 0.2
+    stands = real[-1].known
+    last = real[-1].state.points + real[-1].moved
+    told = fit.points + fit.shift
+    assert np.abs((told - (last + off))[stands]).max() < 0.1  # where the twins see the joints
+
+
 def test_struts_that_flow_faster_are_told_from_the_others(bridge: Wireframe, sequence: PrintSequence) -> None:
     model = CreepModel(bridge, SETTINGS)
     truth, fit = (MaterialFit.start(model, known(1.5, 600.0, 0.1, 0.1)) for _ in range(2))
@@ -262,6 +284,23 @@ def test_a_batch_is_cut_short_where_joints_drift_and_grows_where_they_stand(sequ
         assert cuts - old <= {last}
         assert {cut for cut in old if cut > last} <= cuts
     assert resized(sequence, 3, int(sizes[3])) is sequence
+
+
+def test_little_is_laid_at_once_while_nothing_is_known(bridge: Wireframe, sequence: PrintSequence) -> None:
+    forecast = CreepForecast.start(bridge)
+    size = len(sequence.in_batch(2))
+    assert size > 4 and len(forecast.resized(sequence, 2).in_batch(2)) == 4
+
+
+def test_a_batch_whose_own_joints_sag_is_not_made_longer(bridge: Wireframe, sequence: PrintSequence) -> None:
+    """The first struts start from the plate, which does not move; where they end, the print goes down all the same."""
+    soft = known(20.0, 600.0, 0.1, 0.1, error=1e-4)
+    forecast = CreepForecast.start(bridge, soft)
+    first = sequence.in_batch(0)
+    assert bridge.grounded[first.start].all()
+    assert len(forecast.resized(sequence, 0).in_batch(0)) <= len(first)
+    stiff = CreepForecast.start(bridge, known(1e-4, 600.0, 0.1, 0.1, error=1e-4))
+    assert len(stiff.resized(sequence, 0).in_batch(0)) > len(first)
 
 
 # --- what cannot be printed

@@ -1,0 +1,103 @@
+"""Rows of the state of `material_fit` that take part in a batch, and the two steps of a Kalman filter on them.
+
+The whole state has values for every strut and place for every joint; most of a print is still to come for most of the
+time, and what is to come depends on nothing yet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class StateRows:
+    """Rows of values, of the shift that all joints have in common, and of joints.
+
+    Attributes
+    ----------
+    values : (K,) int64 array
+        Of the material.
+    joints : (J,) int64 array
+        Numbers of the joints.
+    active : (K + 3 + 3 J,) int64 array
+        All rows, the values first, then the shift, then the joints.
+    """
+
+    values: np.ndarray
+    joints: np.ndarray
+    active: np.ndarray
+
+    @classmethod
+    def of(cls, covariance: np.ndarray, told: np.ndarray, joints: np.ndarray, coordinates: int) -> StateRows:
+        """Choose rows.
+
+        Parameters
+        ----------
+        covariance : (N, N) array
+            Of the whole state: values, 3 of the shift, and those of all joints.
+        told : array of int
+            Values on which the batch depends; those that depend on others already are added.
+        joints : (J,) int64 array
+            That are there.
+        coordinates
+            How many rows all joints have.
+        """
+        count = len(covariance) - coordinates - 3
+        chosen = np.count_nonzero(covariance[:count], axis=1) > 1
+        chosen[told] = True
+        values = np.flatnonzero(chosen)
+        rows = count + 3 + (3 * joints[:, None] + np.arange(3)).ravel()
+        return cls(values, joints, np.concatenate([values, count + np.arange(3), rows]))
+
+    def carried(self, covariance: np.ndarray, slope: np.ndarray, wandering: float, missed: np.ndarray) -> np.ndarray:
+        """Carry the covariance of the active rows through a batch.
+
+        Parameters
+        ----------
+        covariance : (A, A) array
+            Before it.
+        slope : (3 J, K) array
+            How the joints' movement depends on the values.
+        wandering
+            Variance that the shift gains.
+        missed : (3 J,) array
+            Variance that the joints gain.
+        """
+        count, result = len(self.values), np.array(covariance)
+        shift, joints = slice(count, count + 3), slice(count + 3, None)
+        result[joints] += slope @ covariance[:count]
+        result[:, joints] += result[:, :count] @ slope.T
+        result[shift, shift] += wandering * np.eye(3)
+        result[joints, joints] += np.diag(missed)
+        return result
+
+    def corrected(
+        self, covariance: np.ndarray, left: np.ndarray, seen: np.ndarray, noise: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Correct the active rows by what was seen.
+
+        Parameters
+        ----------
+        covariance : (A, A) array
+            Before.
+        left : (M,) array
+            Seen coordinates less the expected ones.
+        seen : (3 J,) bool array
+            Which coordinates those are: three or none of each joint.
+        noise
+            Variance of each.
+
+        Returns
+        -------
+        change, covariance : (A,) and (A, A) array
+        """
+        count = len(self.values)
+        shift, rows = slice(count, count + 3), count + 3 + np.flatnonzero(seen)
+        times = len(rows) // 3
+        across = covariance[:, rows] + np.tile(covariance[:, shift], times)
+        inner = across[rows] + np.tile(across[shift], (times, 1)) + noise * np.eye(len(rows))
+        gain = np.linalg.solve(inner, across.T).T
+        result = covariance - gain @ across.T
+        return gain @ left, 0.5 * (result + result.T)
