@@ -119,6 +119,17 @@ def test_what_twins_are_off_by_time_after_time_is_not_taken_for_movement(
     assert np.abs((told - (last + off))[stands]).max() < 0.1  # where the twins see the joints
 
 
+def test_batches_that_nobody_saw_are_followed_all_the_same(bridge: Wireframe, sequence: PrintSequence) -> None:
+    """What moves unseen is not taken for a sudden movement by the next twin."""
+    model = CreepModel(bridge, SETTINGS)
+    truth = MaterialFit.start(model, known(1.5, 600.0, 0.1, 0.1))
+    fit = MaterialFit.start(model, known(1.5, 600.0, 0.1, 0.1))
+    for batch, record in enumerate(records(truth, sequence, 8, 0.0)):
+        blind = np.zeros_like(record.known) if batch in (3, 4, 5) else record.known
+        fit = fit.updated(dataclasses.replace(record, known=blind))
+    np.testing.assert_allclose(fit.values[:6], truth.values[:6], atol=0.01)
+
+
 def test_struts_that_flow_faster_are_told_from_the_others(bridge: Wireframe, sequence: PrintSequence) -> None:
     model = CreepModel(bridge, SETTINGS)
     truth, fit = (MaterialFit.start(model, known(1.5, 600.0, 0.1, 0.1)) for _ in range(2))

@@ -193,7 +193,7 @@ class MaterialFit:
         there = record.state.there | self._ends(record.struts)
         joints = np.flatnonzero(there & self._ends(record.standing) & ~self.model.design.grounded)
         seen = record.known[joints]
-        if not seen.any():
+        if not len(joints):
             return self
         began = self._joined_by(record)
         struts = np.union1d(np.flatnonzero(record.standing), record.struts)
@@ -206,11 +206,11 @@ class MaterialFit:
             ahead = moved + slope @ (self.values - fit.values)
             covariance = place.carried(before, slope[:, place.values], WANDERING**2, self._missed(moved))
             left = told.ravel() - (began.points[joints].ravel() + ahead).reshape(-1, 3)[seen].ravel()
-            change, covariance = place.corrected(covariance, left, np.repeat(seen, 3), SEEN**2)
+            change = place.change(covariance, left, np.repeat(seen, 3), SEEN**2)
             change[0] = np.clip(change[0], -LARGEST_STEP, LARGEST_STEP)
             fit = began._changed(place, change, ahead)
         total = began.covariance.copy()
-        total[np.ix_(place.active, place.active)] = covariance
+        total[np.ix_(place.active, place.active)] = place.corrected(covariance, np.repeat(seen, 3), SEEN**2)
         return replace(fit, covariance=total, skill=(*self.skill, fit._skill(record, joints[seen], parts))[-3:])
 
     def _told_apart(self, struts: np.ndarray) -> np.ndarray:

@@ -68,15 +68,14 @@ class StateRows:
         count, result = len(self.values), np.array(covariance)
         shift, joints = slice(count, count + 3), slice(count + 3, None)
         result[joints] += slope @ covariance[:count]
-        result[:, joints] += result[:, :count] @ slope.T
+        result[joints, joints] += result[joints, :count] @ slope.T
+        result[: joints.start, joints] = result[joints, : joints.start].T
         result[shift, shift] += wandering * np.eye(3)
         result[joints, joints] += np.diag(missed)
         return result
 
-    def corrected(
-        self, covariance: np.ndarray, left: np.ndarray, seen: np.ndarray, noise: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Correct the active rows by what was seen.
+    def change(self, covariance: np.ndarray, left: np.ndarray, seen: np.ndarray, noise: float) -> np.ndarray:
+        """Change of the active rows by what was seen.
 
         Parameters
         ----------
@@ -91,13 +90,22 @@ class StateRows:
 
         Returns
         -------
-        change, covariance : (A,) and (A, A) array
+        (A,) array
         """
+        across, inner = self._seen(covariance, seen, noise)
+        result: np.ndarray = across @ np.linalg.solve(inner, left)
+        return result
+
+    def corrected(self, covariance: np.ndarray, seen: np.ndarray, noise: float) -> np.ndarray:
+        """(A, A) array: covariance of the active rows after what was seen; see `change`."""
+        across, inner = self._seen(covariance, seen, noise)
+        result = covariance - across @ np.linalg.solve(inner, across.T)
+        return np.asarray(0.5 * (result + result.T))
+
+    def _seen(self, covariance: np.ndarray, seen: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+        """Covariance (A, M) of the active rows with what is seen, which has the shift in it, and of that itself."""
         count = len(self.values)
         shift, rows = slice(count, count + 3), count + 3 + np.flatnonzero(seen)
         times = len(rows) // 3
         across = covariance[:, rows] + np.tile(covariance[:, shift], times)
-        inner = across[rows] + np.tile(across[shift], (times, 1)) + noise * np.eye(len(rows))
-        gain = np.linalg.solve(inner, across.T).T
-        result = covariance - gain @ across.T
-        return gain @ left, 0.5 * (result + result.T)
+        return across, across[rows] + np.tile(across[shift], (times, 1)) + noise * np.eye(len(rows))
