@@ -20,7 +20,7 @@ from frametwin.printing.adaptation.anticipation import Anticipation
 from frametwin.printing.adaptation.material_file import PRINT_TO_PRINT, for_next_print, read_material, write_material
 from frametwin.printing.adaptation.material_fit import GUESS, BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
-from frametwin.printing.adaptation.printability import Fall, first_fall
+from frametwin.printing.adaptation.printability import Fall, first_fall, outlook
 from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JOB
@@ -338,6 +338,18 @@ def test_a_strut_that_would_sag_away_is_told_with_what_would_help(tmp_path: Path
     with pytest.raises(InputError, match="strut 1 would sag away.*prop under joint 2"):
         plan_job(tmp_path / "job", arm, PlanOptions(allow_contact=True, batch_size=1), material=tmp_path / "soft.json")
     assert not (tmp_path / "job").exists()
+
+
+@pytest.mark.parametrize(("length", "stands"), [(10.0, (True, True)), (90.0, (True, False)), (180.0, (False, False))])
+def test_an_outlook_without_a_known_material_has_its_error_bar(length: float, stands: tuple[bool, bool]) -> None:
+    frame, sequence = gallows(length)
+    batches = [sequence.struts[sequence.batch == batch] for batch in range(3)]
+    told = outlook(CreepForecast.start(frame).fit, frame, batches)
+    assert (told.typical is None, told.soft is None) == stands
+    named = [fall.problem in told.sentence for fall in (told.typical, told.soft) if fall is not None]
+    assert not named or any(named)
+    if not all(stands):
+        assert told.soft is not None and told.soft.strut == 1 and told.soft.batch == 1
 
 
 def _falls(length: float, material: MaterialEstimate) -> Fall | None:

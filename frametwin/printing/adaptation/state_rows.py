@@ -99,7 +99,7 @@ class StateRows:
     def corrected(self, covariance: np.ndarray, seen: np.ndarray, noise: float) -> np.ndarray:
         """(A, A) array: covariance of the active rows after what was seen; see `change`."""
         across, inner = self._seen(covariance, seen, noise)
-        result = covariance - across @ np.linalg.solve(inner, across.T)
+        result: np.ndarray = covariance - across @ np.linalg.solve(inner, across.T)
         return np.asarray(0.5 * (result + result.T))
 
     def _seen(self, covariance: np.ndarray, seen: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import for_next_print, read_material
 from frametwin.printing.adaptation.material_fit import MaterialEstimate
-from frametwin.printing.adaptation.printability import first_fall
+from frametwin.printing.adaptation.printability import Outlook, first_fall, outlook
 from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
@@ -212,6 +212,13 @@ def require_standing(frame: Wireframe, sequence: PrintSequence, material: Materi
     fall = first_fall(fit, frame, batches)
     if fall is not None:
         raise InputError.at(frame.name, "material", fall.problem, fall.remedy)
+
+
+def guessed_outlook(frame: Wireframe, sequence: PrintSequence, progress: ProgressCallback | None = None) -> Outlook:
+    """Whether a print would stand in a material of which nothing is known yet: a warning at most."""
+    report(progress, Progress("computing the print", 0, 1))
+    batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
+    return outlook(CreepForecast.start(frame).fit, frame, batches)
 
 
 def plan_order(
