@@ -194,22 +194,31 @@ def plan_job(
     cut = order is None or options.batch_size is not None
     sequence = plan_order(frame, ordering, order, cut, progress)
     if known is not None:
-        require_standing(frame, sequence, known)
+        require_standing(frame, sequence, known, settings.compensate)
     report(progress, Progress("writing", 0, 1))
     return PrintJob.create(folder, frame, sequence, settings, notes, overwrite, known)
 
 
-def require_standing(frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate) -> None:
+def require_standing(
+    frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate, compensate: bool = False
+) -> None:
     """Refuse a print of which a known material tells that it will not stand.
+
+    Parameters
+    ----------
+    frame, sequence, material
+        The print.
+    compensate
+        It is aimed by the forecast: what leans outwards is laid further in, and carries what it could not carry else.
 
     Raises
     ------
     InputError
         The sentence names the strut, the reason, and what would help.
     """
-    fit = CreepForecast.start(frame, material).fit
+    forecast = CreepForecast.start(frame, material)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
-    fall = first_fall(fit, frame, batches)
+    fall = first_fall(forecast.fit, forecast.aimed(sequence, 0) if compensate else frame, batches)
     if fall is not None:
         raise InputError.at(frame.name, "material", fall.problem, fall.remedy)
 
