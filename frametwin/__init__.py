@@ -7,10 +7,15 @@ only read a frame do not wait for the fitter.
 from __future__ import annotations
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 """The only place where the version is written; everything else takes it from here."""
+
+# Between two compiled loops their threads would wait by spinning, and take the processor from all that runs in between;
+# read when the threads' library is loaded, so it has to be said before.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 if TYPE_CHECKING:
     from frametwin.api.datasets import generate_dataset

@@ -21,6 +21,7 @@ from frametwin.service.prepare import prepare
 
 prepare()
 kernels = [rod_kernels.render, rod_kernels.gather_struts, rod_kernels.gather_joints, rod_kernels.gather_opacity]
+kernels.append(rod_kernels.compare)
 before = [kernel.signatures.copy() for kernel in (*kernels, silhouette._fill)]
 made = frametwin.simulate("bridge", views=4, size=(90, 120))
 fit_views(made.frame, made.cameras, [image / np.float32(255.0) for image in made.images])

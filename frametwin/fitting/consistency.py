@@ -14,11 +14,12 @@ import numpy as np
 from frametwin.fields.base import DeformationField
 from frametwin.fitting import gauge
 from frametwin.fitting.fast_settings import Stage
-from frametwin.fitting.fast_stages import camera_gain, free_stage, recover, refine, search
+from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, noticed, recover, refine, search
 from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import common_size
+from frametwin.fitting.misplaced import given_second_chance
 from frametwin.fitting.torn_ends import Torn, mended, rejoined
 from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
 
@@ -136,9 +137,10 @@ def _with_joint_material(problem: Problem, state: State) -> State:
 
 def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn]:
     """The last stages; torn ends, and cameras that are not exact to the last digit, are freed on the way."""
-    problem, state, torn = mended(plan, state)
+    problem, state, torn = given_second_chance(plan, *mended(plan, state))
+    state = noticed(problem, state)
     for stage in problem.settings.finish:
-        state = free_stage(problem, state, stage)
+        state = finish(problem, state, stage)
         if state.cameras is None and problem.settings.cameras == "auto":
             state = _freed(problem, state, stage)
         if stage is not problem.settings.finish[-1]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from scipy import sparse
 
@@ -55,6 +57,13 @@ class ElasticFrame:
         self.spin_stiffness = _spin_stiffness(tangent, young / 2.7 * 2.0 * inertia / chord)
         self.inner_stiffness = _inner_stiffness(tangent, inertia / chord**3 / unit, area / chord / unit)
         self._pattern()
+
+    def stiffened(self, factor: np.ndarray) -> ElasticFrame:
+        """The same with struts that are stiffer by a factor (E,)."""
+        stiffer = copy(self)
+        for name in ("stiffness", "spin_stiffness", "inner_stiffness"):
+            setattr(stiffer, name, factor[:, None, None] * getattr(self, name))
+        return stiffer
 
     def _pattern(self) -> None:
         """Where every element's entries go in the assembled matrix; found once, as it never changes."""

@@ -11,7 +11,7 @@ neighbours expect them, tried again, and else declared missing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -30,6 +30,9 @@ from frametwin.fitting.uncertainty import Uncertainty, uncertainty
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 from frametwin.raster.rods import Rods
+
+GONE = 0.1
+"""Share of a strut that is there, below which it is drawn as its joints alone would have it."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,9 @@ def _result(found: Consistent) -> PartFit:
     opacity = np.ones(rods.radius.shape)
     if settings.learn_opacity:
         opacity, _ = presence.seen_opacity(rods, level_of(problem, state, settings.finish[-1]))
+        gone = opacity.mean(axis=1) < GONE
+        straight = replace(state.pose, inner=np.where(gone[:, None], 0.0, state.pose.inner))
+        rods = drawn(problem, replace(state, pose=straight), settings.kernels_per_strut)
     state = state.lapped("presence")
     known = confidence(problem.elastic, state.last_terms)
     torn, struts = found.torn, len(rods.edges)
@@ -88,12 +94,14 @@ def _result(found: Consistent) -> PartFit:
 def _uncertainty(found: Consistent, rods: Rods) -> Uncertainty:
     problem, state = found.problem, found.state
     stage = problem.settings.finish[0]
+    level, seen = level_of(problem, state, stage), drawn(problem, state, stage.pieces)
     return uncertainty(
         problem.elastic,
         state.last_terms,
         rods.radius[:, 0],
         float(np.median(found.misfit.total[found.used])),
-        presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage)),
+        presence.strut_whiteness(seen, level),
+        presence.outline_misfit(seen, level),
         gauge.world_deviation(
             problem.elastic, problem.level(stage).cameras, problem.covariances, found.holds, problem.foot_deviation
         ),

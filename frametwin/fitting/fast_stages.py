@@ -94,16 +94,54 @@ def _let_go(problem: Problem, state: State) -> State:
     A print that sags by a quarter of its size bends where no smooth motion does. Held back there, its struts would be
     taken for torn off their joints.
     """
-    stage = problem.settings.refine[-1]
-    if stage.pull * strain(problem.elastic, state.pose, state.anchor) < STRAINED * state.last_terms.loss:
+    state = noticed(problem, state)
+    if not state.strained:
         return state
-    loose = replace(stage, pull=LOOSE * stage.pull, drag=LOOSE * stage.drag)
+    stage = problem.settings.refine[-1]
     for _ in range(LETTING_GO):
         before = state.last_terms.loss
-        state = free_stage(problem, state.anchored(), loose)
+        state = free_stage(problem, state.anchored(), loosened(stage))
         if state.last_terms.loss > (1.0 - SETTLED) * before:
             break
     return state.anchored()
+
+
+def loosened(stage: Stage) -> Stage:
+    """The stage with next to nothing of its pull and drag."""
+    return replace(stage, pull=LOOSE * stage.pull, drag=LOOSE * stage.drag)
+
+
+def noticed(problem: Problem, state: State) -> State:
+    """The state, and whether it is held back by the pull to the frame's smooth motions."""
+    stage = problem.settings.refine[-1]
+    whole = _whole(state).astype(np.float64)  # what is not there is bent by nothing
+    energy = stage.pull * strain(problem.elastic.stiffened(whole), state.pose, state.anchor)
+    return replace(state, strained=state.strained or energy >= STRAINED * state.last_terms.loss)
+
+
+def _whole(state: State) -> np.ndarray:
+    """(E,) array of bool: struts of which nothing is missing."""
+    return np.asarray(state.pose.opacity.mean(axis=1) == 1.0)
+
+
+def finish(problem: Problem, state: State, stage: Stage) -> State:
+    """One of the last stages; until it settles where a print is strained or its joints have sizes of their own.
+
+    A strained print is not held back any more, but for struts of which a part is missing: by what little is seen of
+    them they would be bent at will.
+    """
+    if state.strained:
+        stage = loosened(stage)
+        held = problem.elastic.stiffened(np.where(_whole(state), 1.0, 1.0 / LOOSE))
+        problem = replace(problem, elastic=held)
+    slow = state.strained or state.joint_size is not None or state.cameras is not None
+    before = np.inf
+    for _ in range(LETTING_GO if slow else 1):
+        state = free_stage(problem, state, stage)
+        if state.last_terms.loss > (1.0 - SETTLED) * before:
+            break
+        before = state.last_terms.loss
+    return state
 
 
 def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | None = None) -> State:

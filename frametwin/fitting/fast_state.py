@@ -172,6 +172,8 @@ class State:
         Freedoms of the cameras (see `frametwin.fitting.camera_freedoms`); ``None`` where the rig is taken as exact.
     joint_size : (V,) array or None
         Radius of the material at each joint relative to its thickest strut's; ``None`` for 1 everywhere.
+    strained : bool
+        Whether the print is bent where no smooth motion of its frame is.
     """
 
     pose: Pose
@@ -180,6 +182,7 @@ class State:
     terms: Terms | None = None
     cameras: np.ndarray | None = None
     joint_size: np.ndarray | None = None
+    strained: bool = False
 
     @classmethod
     def planned(cls, problem: Problem, record: Record) -> State:

@@ -12,7 +12,7 @@ from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods
 
-CANDIDATES = (1.0, 1.3, 1.6, 2.0, 2.5, 3.0, 4.0)
+CANDIDATES = (1.0, 1.15, 1.3, 1.6, 2.0, 2.5, 3.0, 4.0)
 """Common sizes that are tried, relative to the thickest strut of each joint."""
 
 SMALLEST, LARGEST = 1.0, 6.0

@@ -21,6 +21,9 @@ LOOSE, LOST = 0.25, 1.0
 MANY_UNCERTAIN = 0.3
 """Share of struts that the views do not determine, from which a twin is wrong."""
 
+WHOLE, MANY_BROKEN = 0.9, 0.1
+"""Share of a strut that is there, below which it seems broken; share of such struts that makes a twin doubtful."""
+
 LOOSE_ON_PHOTOGRAPHS = 0.06
 """Standard deviation of the typical strut in radii from which a twin of photographs is doubtful: masks that are sound
 leave less, and what is lost by unsound ones shows in it only in part."""
@@ -69,6 +72,12 @@ def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Ver
     uncertain = float((part.confidence < 0.5).mean())
     if uncertain > MANY_UNCERTAIN:
         wrong.append(f"the views do not determine {uncertain:.0%} of the struts")
+    broken = int((part.opacity.mean(axis=1) < WHOLE).sum())
+    if broken > MANY_BROKEN * len(part.opacity):
+        doubtful.append(
+            f"parts of {broken} of {len(part.opacity)} struts seem to be missing: where a print is far from its plan, "
+            "struts may have been looked for in wrong places"
+        )
     if views.holds == "cameras":
         doubtful.append("the feet are not where they were planned: where the print stands rests on the cameras alone")
     if float(np.median(views.sigmas[views.used])) > FAR:

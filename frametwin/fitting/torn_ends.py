@@ -119,7 +119,7 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
         if not len(ends):
             break
         trial_torn = torn.with_ends(ends, plan.frame)
-        trial = _separated(plan, trial_torn)
+        trial = separated(plan, trial_torn)
         tried = _freed(trial, state, trial_torn, shift)
         for again in problem.settings.refine[-2:]:
             tried = free_stage(trial, tried, replace(again, iterations=min(again.iterations, TRIAL)))
@@ -128,7 +128,7 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
         if not kept[len(torn.ends) :].any():
             state = replace(state, record=tried.record)
             break
-        problem, state = _separated(plan, found), _joined(tried, torn.planned, kept)
+        problem, state = separated(plan, found), without_ends(tried, torn.planned, kept)
         torn = found
         state = free_stage(problem, state, stage)
     return problem, state.lapped("torn ends"), torn
@@ -142,7 +142,7 @@ def rejoined(plan: Problem, problem: Problem, state: State, torn: Torn, stage: S
     if kept.all():
         return problem, state, torn
     found = torn.only(kept)
-    return _separated(plan, found), _joined(state, torn.planned, kept), found
+    return separated(plan, found), without_ends(state, torn.planned, kept), found
 
 
 def _suspects(problem: Problem, state: State, stage: Stage, torn: Torn) -> tuple[np.ndarray, np.ndarray]:
@@ -185,7 +185,7 @@ def _scale(problem: Problem, stage: Stage) -> float:
     return (problem.levels.pixels_per_mm(stage.detail) * float(np.median(problem.frame.radius)) / 1.8) ** 2
 
 
-def _separated(plan: Problem, torn: Torn) -> Problem:
+def separated(plan: Problem, torn: Torn) -> Problem:
     """The problem with a vertex of its own for every torn end."""
     if not len(torn.ends):
         return plan
@@ -220,7 +220,7 @@ def _freed(problem: Problem, state: State, torn: Torn, shift: np.ndarray) -> Sta
     )
 
 
-def _joined(state: State, planned: int, kept: np.ndarray) -> State:
+def without_ends(state: State, planned: int, kept: np.ndarray) -> State:
     """The state without the vertices of ends that are joined again."""
     vertices = np.concatenate([np.ones(planned, dtype=bool), kept])
 

@@ -25,6 +25,10 @@ them, and one that is planned wrongly only narrows them."""
 DARK = 2.0
 """Error of a strut in radii for a share of 1 of its pixels in plain view that are black."""
 
+ASTRAY = 1.5
+"""Error of a strut for outlines that are off its own by 1 more than those of the typical strut: where a strut cannot
+follow what was printed, or lies beside it, its outlines agree by chance in places."""
+
 HALF_SYSTEMATIC = 0.5
 """Systematic error, as a share of the strut's radius, at which the confidence is one half."""
 
@@ -53,6 +57,7 @@ def uncertainty(
     radius: np.ndarray,
     misfit: float,
     whiteness: np.ndarray,
+    outline: np.ndarray,
     world: np.ndarray,
 ) -> Uncertainty:
     """Standard deviations and confidence of every strut.
@@ -67,15 +72,19 @@ def uncertainty(
         Share of pixels that twin and pictures disagree on, of the typical view that was used.
     whiteness : (E,) array, 0..1
         Share of each strut's pixels in plain view that are white.
+    outline : (E,) array, radii
+        By which outlines in the pictures seem to be off each strut's own.
     world : (E,) array, mm
         Standard deviation of where the world is held, at each strut.
     """
     planned = elastic.frame.radius
     formal = standard_deviation(elastic, terms)
+    off = np.sqrt(np.maximum(outline**2 - np.median(outline) ** 2, 0.0))
     systematic = np.sqrt(
         (OUTLINE * misfit * radius) ** 2
         + (WIDTH * (radius - planned)) ** 2
         + (DARK * np.maximum(0.0, 1.0 - whiteness) * radius) ** 2
+        + (ASTRAY * off * radius) ** 2
         + world**2
     )
     across = np.hypot(formal, systematic)

@@ -168,30 +168,35 @@ def plain_evidence(rods: Rods, level: Level) -> np.ndarray:
     if found is not None:
         return found
     through = transmittance(rods, level)
-    result = opacity_terms(rods, level, through, np.float32(1.0) - through - level.target)
+    result = opacity_terms(rods, level, through, _compared(through, level)[0])
     level.kept["evidence"] = (drawing, result)
     return result
 
 
 def squared_loss(rods: Rods, level: Level) -> float:
     """Half the sum of squared residuals over all views."""
-    residual = np.float32(1.0) - transmittance(rods, level) - level.target
-    return 0.5 * float(np.dot(residual, residual))
+    return float(_compared(transmittance(rods, level), level)[1].sum())
 
 
 def gauss_newton(rods: Rods, level: Level) -> Terms:
     """Loss, gradient and the Gauss-Newton approximation of its Hessian."""
     through = transmittance(rods, level)
-    residual = np.float32(1.0) - through - level.target
-    return Terms(0.5 * float(np.dot(residual, residual)), *pull_back(rods, level, through, residual))
+    residual, losses = _compared(through, level)
+    return Terms(float(losses.sum()), *pull_back(rods, level, through, residual))
 
 
 def gauss_newton_by_view(rods: Rods, level: Level) -> ViewTerms:
     """As `gauss_newton`, of every view by itself."""
     through = transmittance(rods, level)
-    residual = np.float32(1.0) - through - level.target
-    losses = [0.5 * float(np.dot(part.ravel(), part.ravel())) for part in level.pictures(residual)]
-    return ViewTerms(np.array(losses), *_gather(rods, level, through, residual, len(level.cameras)))
+    residual, losses = _compared(through, level)
+    return ViewTerms(losses, *_gather(rods, level, through, residual, len(level.cameras)))
+
+
+def _compared(through: np.ndarray, level: Level) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (pixels,) of what is drawn against the level's own pictures, and half its square for each view (N,)."""
+    residual, losses = np.empty_like(level.target), np.empty(len(level.shapes))
+    rod_kernels.compare(through, level.target, level.shapes, level.offsets, residual, losses)
+    return residual, losses
 
 
 def pull_back(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, ...]:
