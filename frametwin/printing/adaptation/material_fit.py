@@ -24,6 +24,9 @@ GLOBAL = ("weight", "lean x", "lean y", "hardening", "rest", "axial")
 SEEN = 0.07
 """Standard deviation in mm of where a twin sees a joint, along each axis, from batch to batch."""
 
+SEEN_LATER = 0.05
+"""The same of how that changes from batch to batch: what stands beside a joint changes what misleads there."""
+
 LAID = 0.2
 """The same of where a new joint is, and of what twins are off by there time after time: nozzles do not come exactly
 where they are told, and blobs at joints mislead by the same amount in every batch."""
@@ -206,11 +209,12 @@ class MaterialFit:
             ahead = moved + slope @ (self.values - fit.values)
             covariance = place.carried(before, slope[:, place.values], WANDERING**2, self._missed(moved))
             left = told.ravel() - (began.points[joints].ravel() + ahead).reshape(-1, 3)[seen].ravel()
-            change = place.change(covariance, left, np.repeat(seen, 3), SEEN**2)
+            noise = place.doubted(covariance, left, np.repeat(seen, 3), SEEN**2)
+            change = place.change(covariance, left, np.repeat(seen, 3), noise)
             change[0] = np.clip(change[0], -LARGEST_STEP, LARGEST_STEP)
             fit = began._changed(place, change, ahead)
         total = began.covariance.copy()
-        total[np.ix_(place.active, place.active)] = place.corrected(covariance, np.repeat(seen, 3), SEEN**2)
+        total[np.ix_(place.active, place.active)] = place.corrected(covariance, np.repeat(seen, 3), noise)
         return replace(fit, covariance=total, skill=(*self.skill, fit._skill(record, joints[seen], parts))[-3:])
 
     def _told_apart(self, struts: np.ndarray) -> np.ndarray:
@@ -237,9 +241,9 @@ class MaterialFit:
         return replace(self, points=points, covariance=covariance)
 
     def _missed(self, moved: np.ndarray) -> np.ndarray:
-        """Variance of what the model misses of movements, square mm."""
+        """Variance of what the model misses of movements, and of how what twins are off by changes, square mm."""
         error = MODEL_ERROR if len(self.values) > len(GLOBAL) else COARSE_ERROR
-        return np.asarray((error * moved) ** 2)
+        return np.asarray(SEEN_LATER**2 + (error * moved) ** 2)
 
     def _changed(self, place: StateRows, change: np.ndarray, moved: np.ndarray) -> MaterialFit:
         """With the joints moved, and then everything that is active changed."""

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+MOST_OFF = 2.5
+"""Standard deviations that a joint may be seen off where it is expected."""
+
 
 @dataclass(frozen=True, eq=False)
 class StateRows:
@@ -74,7 +77,19 @@ class StateRows:
         result[joints, joints] += np.diag(missed)
         return result
 
-    def change(self, covariance: np.ndarray, left: np.ndarray, seen: np.ndarray, noise: float) -> np.ndarray:
+    def doubted(self, covariance: np.ndarray, left: np.ndarray, seen: np.ndarray, noise: float) -> np.ndarray:
+        """Variance (M,) of what was seen, larger where a joint is seen further off than it can well be.
+
+        It is made so large that the joint is `MOST_OFF` standard deviations off, so that no joint that a twin takes for
+        another one, and no strut it gets wrong, says much of the material (after P. Huber, "Robust statistics", 1981).
+        See `change`.
+        """
+        _, inner = self._seen(covariance, seen, np.full(len(left), noise))
+        expected = np.diag(inner).reshape(-1, 3).mean(axis=1)
+        off = (left.reshape(-1, 3) ** 2).mean(axis=1)
+        return noise + np.repeat(np.maximum(off / MOST_OFF**2 - expected, 0.0), 3)
+
+    def change(self, covariance: np.ndarray, left: np.ndarray, seen: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Change of the active rows by what was seen.
 
         Parameters
@@ -85,7 +100,7 @@ class StateRows:
             Seen coordinates less the expected ones.
         seen : (3 J,) bool array
             Which coordinates those are: three or none of each joint.
-        noise
+        noise : (M,) array
             Variance of each.
 
         Returns
@@ -96,16 +111,16 @@ class StateRows:
         result: np.ndarray = across @ np.linalg.solve(inner, left)
         return result
 
-    def corrected(self, covariance: np.ndarray, seen: np.ndarray, noise: float) -> np.ndarray:
+    def corrected(self, covariance: np.ndarray, seen: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """(A, A) array: covariance of the active rows after what was seen; see `change`."""
         across, inner = self._seen(covariance, seen, noise)
         result: np.ndarray = covariance - across @ np.linalg.solve(inner, across.T)
         return np.asarray(0.5 * (result + result.T))
 
-    def _seen(self, covariance: np.ndarray, seen: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    def _seen(self, covariance: np.ndarray, seen: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Covariance (A, M) of the active rows with what is seen, which has the shift in it, and of that itself."""
         count = len(self.values)
         shift, rows = slice(count, count + 3), count + 3 + np.flatnonzero(seen)
         times = len(rows) // 3
         across = covariance[:, rows] + np.tile(covariance[:, shift], times)
-        return across, across[rows] + np.tile(across[shift], (times, 1)) + noise * np.eye(len(rows))
+        return across, across[rows] + np.tile(across[shift], (times, 1)) + np.diag(noise)
