@@ -119,6 +119,29 @@ def test_what_twins_are_off_by_time_after_time_is_not_taken_for_movement(
     assert np.abs((told - (last + off))[stands]).max() < 0.1  # where the twins see the joints
 
 
+def test_a_joint_that_one_twin_gets_wrong_says_little_of_the_material(
+    bridge: Wireframe, sequence: PrintSequence
+) -> None:
+    model = CreepModel(bridge, SETTINGS)
+    truth = MaterialFit.start(model, known(1.5, 600.0, 0.1, 0.1))
+    real = records(truth, sequence, 7, 0.03)
+    joint = int(np.flatnonzero(real[4].state.there & ~bridge.grounded)[0])
+    told = {}
+    for wrong in (0.0, 3.0):
+        fit = MaterialFit.start(model, known(1.5, 600.0, 0.1, 0.1))
+        for batch, record in enumerate(real):
+            points, moved = np.array(record.state.points), np.array(record.moved)
+            if batch == 4:
+                moved[joint, 2] -= wrong
+            elif batch == 5:  # it is seen again where it was, from where it was seen wrongly
+                points[joint, 2] -= wrong
+                moved[joint, 2] += wrong
+            state = dataclasses.replace(record.state, points=points)
+            fit = fit.updated(dataclasses.replace(record, state=state, moved=moved))
+        told[wrong] = fit.values[[0, 3, 4, 5]]
+    assert np.abs(told[3.0] - told[0.0]).max() < 0.05
+
+
 def test_batches_that_nobody_saw_are_followed_all_the_same(bridge: Wireframe, sequence: PrintSequence) -> None:
     """What moves unseen is not taken for a sudden movement by the next twin."""
     model = CreepModel(bridge, SETTINGS)
