@@ -233,6 +233,25 @@ def the_legend_is_seen() -> Waits:
     yield from pixels("without")
     settings().view.legend = True
     assert differing("with", "without") > 1000, differing("with", "without")
+    settings().view.histogram = False
+    yield from pixels("without")
+    settings().view.histogram = True
+    assert differing("with", "without") > 300, differing("with", "without")
+
+
+def two_twins_are_compared() -> Waits:
+    first = settings().twin
+    yield from drop(SCRATCH / "run-2" / "twin.json")
+    assert settings().twin not in (None, first)
+    settings().view.other = first
+    yield from pixels("displaced")
+    yield from command("FrameTwin: Compare Twins")
+    yield from until(lambda: settings().view.quantity == "difference")
+    yield from pixels("compared")
+    assert differing("displaced", "compared") > 1000, differing("displaced", "compared")
+    shot("compared")
+    settings().view.quantity = "displacement"
+    settings().twin = first
 
 
 def the_inspect_workspace() -> Waits:
@@ -285,6 +304,7 @@ STEPS = (
     side_by_side,
     files_are_dropped,
     the_legend_is_seen,
+    two_twins_are_compared,
     hidden_things_come_back,
     the_inspect_workspace,
 )
@@ -313,6 +333,11 @@ def write_files() -> None:
         confidence=np.ones(bowl.strut_count),
     )
     write_twin(SCRATCH / "run", twin)
+    (SCRATCH / "run-2").mkdir()
+    write_frame(SCRATCH / "run-2" / "frame.json", bowl)
+    taller = [1.0, 1.0, 1.05]
+    changed = twin.replace(control_points=twin.control_points * taller, vertices=twin.vertices * taller)
+    write_twin(SCRATCH / "run-2", changed)
 
 
 def shot(name: str) -> None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from rod_cases import camera_at, level_of, lone_rod, shifted
 
 from frametwin.evaluation.evaluate import evaluate
 from frametwin.fitting.api import fit_views
 from frametwin.fitting.misplaced import shapes_to_try
+from frametwin.fitting.presence import outline_misfit
 from frametwin.formats import find_frame
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.raster import rods
 from frametwin.raster.silhouette import silhouettes
 from frametwin.simulation.simulate import Simulation, SimulationSettings, simulate
 from frametwin.twin.twin import Twin
@@ -79,3 +84,45 @@ def test_struts_that_broke_off_are_not_bowed_to_other_places() -> None:
     assert len(gone) == 4
     assert twin.completeness[gone].max() < 0.2
     assert np.delete(twin.completeness, gone).min() > 0.8
+
+
+@pytest.mark.parametrize("share", [0.1, 0.25, 0.5])
+def test_an_outline_that_is_beside_a_strut_is_told_in_radii(share: float) -> None:
+    rod = lone_rod([-20.0, 0.0, 0.0], [20.0, 0.0, 0.0], 2.0, pieces=4)
+    level = level_of([camera_at([0.0, -400.0, 0.0], (80, 300), 2000.0)], 0.7)
+    beside = shifted(rod, np.array([0.0, 0.0, share * 2.0]))
+    level = replace(level, target=np.float32(1.0) - rods.transmittance(beside, level))
+    assert outline_misfit(rod, level)[0] == pytest.approx(share, rel=0.25)
+    assert outline_misfit(beside, level)[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_strut_that_bowed_otherwise_than_a_cubic_can_says_how_far_it_is_off() -> None:
+    """A clamped bow s^2 (1 - s)^2, of which a cubic with the same ends and tangents leaves a part."""
+    capture = made("half_bowl", 9.0, seed=5)
+    truth, middle = capture.truth, np.linspace(0.0, 1.0, 5)
+    curve = truth.control_points[BOWED]
+    aside = np.cross(curve[3] - curve[0], [0.2, -0.3, 1.0])
+    bow = 16.0 * 5.0 * truth.radius[BOWED] * aside / np.linalg.norm(aside)
+    points = bezier.evaluate(curve, middle) + (middle**2 * (1.0 - middle) ** 2)[:, None] * bow
+    slope = bezier.derivative(curve, middle)
+    slope += (2.0 * middle * (1.0 - middle) * (1.0 - 2.0 * middle))[:, None] * bow
+    pieces = [
+        np.stack([points[i], points[i] + slope[i] / 12.0, points[i + 1] - slope[i + 1] / 12.0, points[i + 1]])
+        for i in range(4)
+    ]
+    rest = np.arange(truth.strut_count) != BOWED
+    vertices = np.concatenate([truth.vertices, points[1:4]])
+    chain = [truth.edges[BOWED, 0], *range(truth.vertex_count, truth.vertex_count + 3), truth.edges[BOWED, 1]]
+    printed = Wireframe.create(
+        vertices,
+        np.concatenate([truth.edges[rest], np.stack([chain[:-1], chain[1:]], axis=1)]),
+        radius=np.append(truth.radius[rest], np.full(4, truth.radius[BOWED])),
+        control_points=np.concatenate([truth.control_points[rest], np.stack(pieces)]),
+    )
+    twin = fitted(capture, printed)
+    found = bezier.evaluate(twin.control_points[BOWED], np.linspace(0.0, 1.0, 50))
+    fine = np.linspace(0.0, 1.0, 2000)
+    true = bezier.evaluate(curve, fine) + (fine**2 * (1.0 - fine) ** 2)[:, None] * bow
+    error = np.linalg.norm(found[:, None] - true[None], axis=2).min(axis=1).mean()
+    assert 0.05 < error < 2.0 * twin.sigma_across[BOWED]
+    assert twin.sigma_across[BOWED] > 3.0 * np.median(twin.sigma_across)

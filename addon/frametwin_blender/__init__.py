@@ -6,7 +6,9 @@ import bpy
 
 from . import (
     adapt,
+    adopting,
     cameras,
+    compare,
     computing,
     deform,
     fit,
@@ -39,7 +41,7 @@ if computing.HAS_SET_UP:
 
 MODULES = (
     *(properties, preferences, status, inspect_struts, plan, deform, cameras, render),
-    *(photographs, fit, twin, adapt, printing),
+    *(photographs, fit, twin, adapt, printing, compare),
 )
 """In the order of their panels."""
 
@@ -57,6 +59,7 @@ def register() -> None:
     bpy.types.Scene.frametwin = bpy.props.PointerProperty(type=properties.FrameTwinSettings)
     translations.register()
     session.register()
+    adopting.register()
     legend.register()
     jobs_in_view.register()
     status.register()
@@ -70,6 +73,7 @@ def unregister() -> None:
     status.unregister()
     jobs_in_view.unregister()
     legend.unregister()
+    adopting.unregister()
     session.unregister()
     translations.unregister()
     del bpy.types.Scene.frametwin

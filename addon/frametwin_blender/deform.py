@@ -8,6 +8,7 @@ import bpy
 from frametwin.blender.background.keeping import keep
 from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.display.prints import copy_to_bend, partly_printed, show_print_steps
+from frametwin.blender.frames.described import forget_description
 from frametwin.blender.frames.plan_objects import make_active
 from frametwin.blender.frames.plans import plan_from_object
 from frametwin.blender.scene.placement import label
@@ -49,6 +50,7 @@ def sag_job(context: bpy.types.Context) -> Job:
         obj = yield from show_print_steps(frame, answer, scene)
         old = scene.frametwin.print_object
         if old is not None and old != scene.frametwin.plan and old.get("frametwin_simulated"):
+            forget_description(old)
             bpy.data.objects.remove(old)
         obj["frametwin_simulated"] = True
         scene.frametwin.print_object = obj

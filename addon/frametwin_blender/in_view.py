@@ -6,11 +6,13 @@ import bpy
 import numpy as np
 
 from frametwin.blender.display.adapted import ROLE as ADAPTED_ROLE
+from frametwin.blender.display.display_inputs import KEY as DISPLAY
 from frametwin.blender.display.preview import KEY as PREVIEW
 from frametwin.blender.display.print_jobs import ROLE_KEY as JOB_ROLE
 from frametwin.blender.display.prints import is_made_print
 from frametwin.blender.display.twins import ROLE_KEY as TWIN_ROLE
 from frametwin.blender.display.twins import find_twin
+from frametwin.blender.frames.described import DESCRIBES
 from frametwin.blender.frames.plan_objects import is_added_plan
 from frametwin.blender.frames.plans import READABLE
 from frametwin.blender.scene import visibility
@@ -42,7 +44,8 @@ def hide_for_print(scene: bpy.types.Scene) -> None:
 
 def can_be_chosen(obj: bpy.types.Object) -> bool:
     """Whether the lists of plans and prints offer an object; what belongs to a twin or a job is only in the way."""
-    return obj.type in READABLE and not any(key in obj for key in (TWIN_ROLE, ADAPTED_ROLE, JOB_ROLE, PREVIEW))
+    ours = (TWIN_ROLE, ADAPTED_ROLE, JOB_ROLE, PREVIEW, DESCRIBES, DISPLAY)
+    return obj.type in READABLE and not any(key in obj for key in ours)
 
 
 def plan_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

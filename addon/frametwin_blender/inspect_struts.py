@@ -9,11 +9,13 @@ import numpy as np
 
 from frametwin.blender.display.quantities import QUANTITIES
 from frametwin.blender.display.twin_records import load_values
-from frametwin.blender.display.twins import RUN_KEY, find_twin
+from frametwin.blender.display.twins import RUN_KEY, find_twin, twin_object
+from frametwin.blender.frames.strut_curves import struts_where
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.twin.runs import load_run
 
 from . import session
+from .compared import draw_comparison
 from .in_view import show_twin
 from .steps import Panel, Step, needs, settings_of, twin_of, write_text
 from .strut_table import BATCH, INDEX, StrutTable
@@ -48,6 +50,7 @@ def fill(context: bpy.types.Context) -> StrutTable:
     except InputError:
         batch = np.zeros(count, dtype=np.int64)  # the run folder is gone
     kinds = {"missing": missing, "uncertain": uncertain, "torn": torn_struts(values)}
+    kinds["radius guessed"] = struts_of_guessed_radius(collection)
     table = StrutTable(key_of(collection), values, batch, kinds)
     inspected = context.window_manager.frametwin_inspect
     inspected.at = -1
@@ -55,6 +58,14 @@ def fill(context: bpy.types.Context) -> StrutTable:
     for _ in range(count):
         inspected.struts.add()
     return table
+
+
+def struts_of_guessed_radius(collection: bpy.types.Collection) -> np.ndarray:
+    """Rising numbers of the printed struts whose radius no picture shows, in whole or in part."""
+    obj = twin_object(collection)
+    if obj is None:
+        return np.zeros(0, dtype=np.int64)
+    return np.intersect1d(struts_where(obj.data, "radius_guessed"), struts_where(obj.data, "printed"))
 
 
 def table_of(context: bpy.types.Context) -> StrutTable | None:
@@ -106,6 +117,7 @@ class FrameTwinInspect(bpy.types.PropertyGroup):
             ("missing", "Missing", "Those of which 15 % or more in one stretch is not there"),
             ("uncertain", "Uncertain", "Those that the views cannot place"),
             ("torn", "Torn", "Those an end of which hangs beside its joint"),
+            ("radius guessed", "Radius Guessed", "Those whose radius no picture shows, in whole or in part"),
         ],
     )
     batch: bpy.props.IntProperty(  # type: ignore[valid-type]
@@ -178,6 +190,9 @@ class FRAMETWIN_OT_list_struts(Step, bpy.types.Operator):
 class StrutsPanel(Panel):
     """The list, and all values of the strut that was clicked."""
 
+    compares = False
+    """Whether to tell here what came of a comparison, where the panel for it is not at hand."""
+
     if TYPE_CHECKING:
         layout: bpy.types.UILayout
 
@@ -192,6 +207,8 @@ class StrutsPanel(Panel):
             head.label(text=text)
         layout.template_list("FRAMETWIN_UL_struts", "", inspected, "struts", inspected, "at", rows=8)
         layout.operator("frametwin.pick_strut", text="Pick in View", icon="EYEDROPPER")
+        if self.compares:
+            draw_comparison(layout, context, twin_object(twin_of(context)))
         if 0 <= inspected.at < known.count:
             self._draw_values(context, known, inspected.at)
 
@@ -213,6 +230,7 @@ class FRAMETWIN_PT_inspect(StrutsPanel, bpy.types.Panel):
 
     bl_label = "Struts"
     bl_idname = "FRAMETWIN_PT_inspect"
+    compares = True
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

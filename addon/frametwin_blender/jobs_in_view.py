@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -22,10 +23,10 @@ BELOW = 30
 """Pixels from the lowest point of a job in view to its name, at a resolution scale of 1."""
 
 
-def name_of(history: PrintHistory, mode: str = "") -> str:
-    """What to call a job in the scene: what was printed, and how."""
+def name_of(history: PrintHistory, folder: Path, mode: str = "") -> str:
+    """What to call a job in the scene: what was printed, how, and where its folder has it."""
     how = {"adapt": "adapted", "blind": "as designed", "compensate": "compensated"}
-    return f"{history.name}, {how.get(mode, how['adapt'] if history.adapts else how['blind'])}"
+    return f"{history.name}, {how.get(mode, how['adapt'] if history.adapts else how['blind'])}, {folder.name}"
 
 
 def remember(scene: bpy.types.Scene) -> None:

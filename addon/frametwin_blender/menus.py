@@ -21,6 +21,7 @@ STEPS: tuple[tuple[str, ...], ...] = (
     ("inspect", "step_strut", "leave_struts", "list_struts", "pick_strut", "export_twin", "remove_twin"),
     ("adapt", "export_adapted"),
     ("simulate_print", "plan_print", "answer_print", "show_job", "step_batch", "remove_jobs"),
+    ("compare_twins", "compare_batches", "leave_batches"),
     ("cancel", "open_preferences", "test_python", *(("set_up", "show_set_up_log") if HAS_SET_UP else ())),
     ("show_help", "report_bug"),
 )

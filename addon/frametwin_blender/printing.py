@@ -58,7 +58,7 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
                     remove_job(old)
                 top.append(history.largest_displacement)
             shown = yield from show_job_steps(history, scene, folder=str(out), place=place, top=top[0])
-            shown.collection.name = name_of(history, mode)
+            shown.collection.name = name_of(history, out, mode)
             scene.frametwin.print.job = str(out)
             hide_for_jobs(scene)
             show_whole(scene)
@@ -105,7 +105,7 @@ def show_job(context: bpy.types.Context) -> Job:
         remember(scene)
         place = len(jobs_in(scene))
         shown = yield from show_job_steps(history, scene, folder=str(folder), place=place)
-        shown.collection.name = name_of(history)
+        shown.collection.name = name_of(history, folder)
         hide_for_jobs(scene)
         show_whole(scene)
         return f"{len(history.batches)} batches on the timeline"
@@ -152,7 +152,7 @@ def answer_job(context: bpy.types.Context) -> Job:
         for old in jobs_in(scene):
             remove_job(old)
         shown = yield from show_job_steps(history, scene, folder=str(folder))
-        shown.collection.name = name_of(history)
+        shown.collection.name = name_of(history, folder)
         hide_for_jobs(scene)
         show_whole(scene)
         return f"Batch {answer['batch']} answered; the next waypoints are in {folder}"

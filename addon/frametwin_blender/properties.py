@@ -280,6 +280,10 @@ class FrameTwinPrint(bpy.types.PropertyGroup):
     batch_size: IntProperty(  # type: ignore[valid-type]
         name="Batch Size", min=0, description="Struts between two looks of the cameras, about; 0: a twentieth of all"
     )
+    first_batch: IntProperty(name="From", min=0, description="Batch to compare with")  # type: ignore[valid-type]
+    second_batch: IntProperty(  # type: ignore[valid-type]
+        name="To", min=0, default=1, description="Batch that is coloured by its distance from the other"
+    )
     before: PointerProperty(type=FrameTwinBeforeJobs)  # type: ignore[valid-type]
 
 
@@ -307,6 +311,15 @@ class FrameTwinView(bpy.types.PropertyGroup):
     )
     legend: BoolProperty(  # type: ignore[valid-type]
         name="Legend", default=True, description="Draw what the colours mean into the viewport"
+    )
+    histogram: BoolProperty(  # type: ignore[valid-type]
+        name="Histogram", default=True, description="Draw on the legend how many struts have which value"
+    )
+    other: PointerProperty(  # type: ignore[valid-type]
+        name="With",
+        type=bpy.types.Collection,
+        description="The twin that the one that is looked at is compared with",
+        poll=lambda self, collection: is_twin(collection) and collection != self.id_data.frametwin.twin,
     )
     count: IntProperty(  # type: ignore[valid-type]
         name="Worst", default=10, min=1, description="How many of the worst struts are highlighted"

@@ -128,6 +128,59 @@ WORDS: dict[str, tuple[str, str]] = {
     "Torn ends": ("Abgerissene Enden", "剥離した端"),
     "Uncertain": ("Unsicher", "不確か"),
     "With and without": ("Mit und ohne", "適応あり・なし"),
+    # comparison
+    "Choose another twin under Compare.": (
+        "Unter Vergleichen einen anderen Zwilling wählen.",
+        "「比較」で別のツインを選択してください。",
+    ),
+    "Compare": ("Vergleichen", "比較"),
+    "Compare Batches": ("Abschnitte vergleichen", "バッチを比較"),
+    "Distance from other": ("Abstand vom anderen", "比較対象との距離"),
+    "Distance from {}": ("Abstand von {}", "{} との距離"),
+    "From": ("Von", "元"),
+    "Largest": ("Größter", "最大"),
+    "Mean": ("Mittel", "平均"),
+    "No strut is in both.": ("Kein Stab ist in beiden.", "共通の部材がありません。"),
+    "Strut {}": ("Stab {}", "部材 {}"),
+    "To": ("Nach", "先"),
+    "With": ("Mit", "対象"),
+    # statistics of the twin, and heads of the list
+    "5th percentile": ("5. Perzentil", "5 パーセンタイル"),
+    "95th percentile": ("95. Perzentil", "95 パーセンタイル"),
+    "Highest": ("Höchster", "最高"),
+    "Lowest": ("Niedrigster", "最低"),
+    "Radius Guessed": ("Radius geschätzt", "半径は推定"),
+    "Strut": ("Stab", "部材"),
+    "Suitable Colours": ("Passende Farben", "適した色"),
+    "Sure": ("Sicher", "確か"),
+    "Up to Batch": ("Bis Abschnitt", "表示するバッチまで"),
+    "Whole": ("Ganz", "完全"),
+    # legend
+    "Deviation along": ("Abweichung längs", "長手方向の偏差"),
+    "Height above plan": ("Höhe über dem Plan", "設計からの高さ"),
+    "Histogram": ("Histogramm", "ヒストグラム"),
+    "Radius": ("Radius", "半径"),
+    "lost": ("verloren", "脱落"),
+    "missing": ("fehlend", "欠損"),
+    "no value": ("kein Wert", "値なし"),
+    "plan": ("Plan", "設計"),
+    "printed": ("gedruckt", "造形済み"),
+    "still to print": ("noch zu drucken", "未造形"),
+    "still to print, adapted": ("noch zu drucken, nachgeführt", "未造形、適応済み"),
+    "would have missed": ("hätte verfehlt", "届かなかったはず"),
+    "{} struts": ("{} Stäbe", "部材 {} 本"),
+    "Solid shading hides the colours: choose Color > Attribute": (
+        "Solide Schattierung verdeckt die Farben: Farbe > Attribut wählen",
+        "ソリッド表示では色が見えません: カラー > 属性 を選択",
+    ),
+    "View transform {} shifts the colours: choose Standard": (
+        "Ansichtstransformation {} verfälscht die Farben: Standard wählen",
+        "ビュー変換 {} で色が変わります: 標準 を選択",
+    ),
+    "Wireframe shading hides the colours": (
+        "Drahtgitter-Schattierung verdeckt die Farben",
+        "ワイヤーフレーム表示では色が見えません",
+    ),
 }
 """English, German, Japanese."""
 
@@ -137,6 +190,11 @@ def in_own_context(classes: Iterable[type]) -> None:
     for cls in classes:
         for deferred in getattr(cls, "__annotations__", {}).values():
             deferred.keywords.setdefault("translation_context", CONTEXT)
+
+
+def translated(words: str) -> str:
+    """Words that are drawn into the view, in the language of the interface."""
+    return str(bpy.app.translations.pgettext_iface(words, CONTEXT))
 
 
 def catalogue() -> dict[str, dict[tuple[str, str], str]]:

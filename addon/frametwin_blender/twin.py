@@ -228,6 +228,8 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             self._draw_statistics(layout, values[settings.view.quantity])
         elif settings.view.quantity.startswith("error"):
             write_text(layout, "The capture has no truth to compare with.", context, "INFO")
+        elif settings.view.quantity == "difference":
+            write_text(layout, "Choose another twin under Compare.", context, "INFO")
         else:
             write_text(layout, "This twin does not say.", context, "INFO")
         counts = {"missing": len(missing), "uncertain": len(uncertain), "torn": len(torn_struts(values))}
@@ -257,6 +259,9 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             row.prop(view, "low", text="")
             row.prop(view, "high", text="")
         row.prop(view, "legend", text="", icon="COLOR", toggle=True)
+        sub = row.row(align=True)
+        sub.enabled = view.legend
+        sub.prop(view, "histogram", text="", icon="SEQ_HISTOGRAM", toggle=True)
         layout.prop(view, "colour_map", text="")
 
     def _draw_display(self, layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> None:

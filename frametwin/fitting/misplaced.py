@@ -35,7 +35,10 @@ BROKEN = 0.9
 """Share of a strut's pixels that are white, below which it is tried again."""
 
 WHITER = 0.1
-"""By how much more of struts has to be white in another place."""
+"""By how much more of struts has to be white in another place ..."""
+
+CLEARLY, ON_PHOTOGRAPHS = 0.5, 0.75
+"""... and what share at least, in masks and in photographs: there, struts in shade seem to be broken where they are."""
 
 DIRECTIONS, BOWS = 24, np.arange(0.8, 10.0, 0.8)
 """Directions across a strut in which it is bowed, and by how many radii at its middle."""
@@ -118,7 +121,8 @@ def _promising(problem: Problem, state: State) -> tuple[np.ndarray, np.ndarray]:
     seen, there = _seen_in(problem, state, struts, shapes)
     best = (seen * (2.0 * there - 1.0)).argmax(axis=1)
     rows = np.arange(len(struts))
-    whiter = there[rows, best] > white[struts] + WHITER
+    least = ON_PHOTOGRAPHS if problem.settings.outline_error > 0.0 else CLEARLY
+    whiter = there[rows, best] > np.maximum(white[struts] + WHITER, least)
     return struts[whiter], shapes[rows, best][whiter]
 
 

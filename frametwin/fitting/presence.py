@@ -89,14 +89,14 @@ def strut_whiteness(drawn: Rods, level: Level) -> np.ndarray:
 def outline_misfit(drawn: Rods, level: Level) -> np.ndarray:
     """(E,) radii by which outlines in the pictures seem to be off each strut's own.
 
-    A strut of the apparent radius r and length L that lies d beside its place covers d L dark pixels along one side, of
-    which its soft rim counts three quarters, in plain view of 2 r L.
+    A strut of the apparent radius r and length L that lies d beside its place covers d L dark pixels along one side, and
+    leaves as many white ones along the other. Of each its soft rim counts about a half, in plain view of 2 r L.
     """
     through = rods.transmittance(drawn, level)
     differs = np.abs(np.float32(1.0) - through - level.target)
     weight, slope = np.moveaxis(rods.opacity_terms(drawn, level, through, differs).sum(axis=1), 1, 0)
     seen = weight > IN_VIEW * np.median(weight)
-    return np.where(seen, slope / (0.75 * 0.5 * np.maximum(weight, 1e-12)), 0.0)
+    return np.where(seen, 2.0 * slope / np.maximum(weight, 1e-12), 0.0)
 
 
 def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray) -> Pose:

@@ -25,7 +25,7 @@ them, and one that is planned wrongly only narrows them."""
 DARK = 2.0
 """Error of a strut in radii for a share of 1 of its pixels in plain view that are black."""
 
-ASTRAY = 1.5
+ASTRAY = 2.0
 """Error of a strut for outlines that are off its own by 1 more than those of the typical strut: where a strut cannot
 follow what was printed, or lies beside it, its outlines agree by chance in places."""
 

@@ -354,7 +354,7 @@ def test_what_is_hidden_is_shown_to_have_its_struts_highlighted(tab: Any, sessio
     twin.hide_set(True)
     ops.step_strut(step=1)
     assert bpy.context.mode == "OBJECT" and twin.visible_get() and len(highlighted_struts(twin)) == 1
-    eye = bpy.context.view_layer.layer_collection.children[tab.twin.name]
+    eye = bpy.context.view_layer.layer_collection.children["FrameTwin"].children[tab.twin.name]
     for way in ("hide_viewport", "exclude"):
         setattr(eye, way, True)
         ops.select_struts(kind="worst")

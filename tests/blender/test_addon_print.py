@@ -55,7 +55,7 @@ def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any
     assert not tab.print_object.visible_get()
     assert "Adapted: " in words and "As designed: " in words
     adapted, blind = jobs_in(scene)
-    assert (adapted.name, blind.name) == ("bridge, adapted", "bridge, as designed")
+    assert (adapted.name, blind.name) == ("bridge, adapted, print-001", "bridge, as designed, print-002")
     assert scene.frame_current == scene.frame_end and all_in_view(adapted, blind)
     assert tab.print.job.endswith("print-002") and not tab.plan.visible_get()
     history = read_history(Path(tab.print.job).with_name("print-001"))

@@ -16,6 +16,7 @@ from frametwin.blender.display.prints import partly_printed, read_print
 from frametwin.blender.display.statistics import statistics_of, worst_struts
 from frametwin.blender.display.twins import find_twin, is_twin, show_twin
 from frametwin.blender.frames.curves import wireframe_from_curve
+from frametwin.blender.frames.described import DESCRIBES
 from frametwin.blender.frames.plan_objects import plan_summary
 from frametwin.blender.frames.strut_curves import read_attribute, recorded_frame
 from frametwin.blender.views.captures import capture_parameters
@@ -93,7 +94,8 @@ def test_a_mesh_file_becomes_the_plan(tab: Any, tmp_path: Path) -> None:
     (tmp_path / "corner.stl").write_text(text)
     ops.import_frame(filepath=str(tmp_path / "corner.stl"))
     assert (tab.plan.type, tab.plan.name, tab.about_plan.struts) == ("CURVE", "corner", 3)
-    assert [obj.name for obj in bpy.context.selected_objects] == ["corner"] and len(bpy.data.objects) == 1
+    assert [obj.name for obj in bpy.context.selected_objects] == ["corner"]
+    assert [obj.name for obj in bpy.data.objects if DESCRIBES not in obj] == ["corner"]  # nothing is left of the import
 
 
 def test_the_view_suits_millimetres_and_shows_the_rig(tab: Any) -> None:

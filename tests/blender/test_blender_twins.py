@@ -99,7 +99,7 @@ def test_a_twin_comes_whole_or_not_at_all(scene: Any, rich_frame: Wireframe) -> 
     content = TwinContent.of(shifted(rich_frame, [0.0, 0.0, 1.0]), rich_frame)
     seen = [len(scene.collection.all_objects) for _ in show_twin_steps(content)]
     assert set(seen[:-1]) == {0} and seen[-1] == 1
-    remove_twin(scene.collection.children[0])
+    remove_twin(scene.collection.children[0].children[0])
     for last in range(len(seen)):
         steps = show_twin_steps(content)
         for _ in range(last + 1):

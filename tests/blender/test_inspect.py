@@ -69,6 +69,8 @@ def test_struts_are_filtered(run: Any, rich_frame: Wireframe) -> None:
     assert in_order() == np.flatnonzero(rich_frame.batch == 5).tolist()
     inspected.kind = "torn"
     assert in_order() == []
+    inspected.kind, inspected.batch = "radius guessed", -1
+    assert in_order() == [3]  # of the missing one; those that are not printed have none at all
     inspected.kind, inspected.batch = "all", -1
 
 

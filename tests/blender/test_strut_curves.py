@@ -89,6 +89,17 @@ def test_a_half_broken_strut_is_missing_only_where_it_is_broken(scene: Any) -> N
     strut = np.repeat(np.arange(4), [len(curve.points) for curve in data.curves])
     assert not missing[strut != 1].any()
     np.testing.assert_array_equal(missing[strut == 1], parameter[strut == 1] > 0.41)
+    guessed = read_attribute(data, "radius_guessed")
+    assert not guessed[strut != 1].any()
+    np.testing.assert_array_equal(guessed[strut == 1], parameter[strut == 1] > 0.36)  # next to a dark piece
+
+
+def test_the_radius_of_what_is_not_printed_is_a_guess(scene: Any, rich_frame: Wireframe) -> None:
+    data = show_twin(shifted(rich_frame, [0.0, 0.0, 1.0]), rich_frame).twin.data
+    counts = [len(curve.points) for curve in data.curves]
+    guessed, strut = read_attribute(data, "radius_guessed"), np.repeat(np.arange(18), counts)
+    whole = strut != 3  # of which half is missing
+    np.testing.assert_array_equal(guessed[whole], ~rich_frame.printed[strut[whole]])
 
 
 def test_the_distance_from_the_plan_is_that_to_its_nearest_point() -> None:

@@ -34,8 +34,8 @@ from frametwin.blender.display.display_inputs import (
     set_inputs,
     set_menu,
 )
-from frametwin.blender.display.node_graph import NodeGraph, find_socket, first_output
 from frametwin.blender.rendering.versions import node_tree
+from frametwin.blender.scene.node_graph import NodeGraph, find_socket, first_output
 
 NAME = "FrameTwin Display"
 VERSION = 1

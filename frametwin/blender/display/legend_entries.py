@@ -11,6 +11,7 @@ import numpy as np
 from frametwin.blender.display.colouring import states_of
 from frametwin.blender.display.colours import LOOKS, MISSING_COLOUR, UNKNOWN_COLOUR, State
 from frametwin.blender.display.display_inputs import ATTRIBUTE, DASHES, GHOST, get_input
+from frametwin.blender.frames.strut_curves import first_points
 
 SOLID, DASHED, THIN = "solid", "dashed", "thin"
 
@@ -52,10 +53,17 @@ def _entries_of(obj: bpy.types.Object) -> list[Entry]:
 def _lack_values(obj: bpy.types.Object) -> bool:
     """Whether printed struts have no value of what the colours show."""
     there = obj.data.attributes.get(get_input(obj, ATTRIBUTE) or "")
-    if there is None or there.data_type != "FLOAT" or there.domain != "CURVE":
+    if there is None or there.data_type != "FLOAT":
         return False
-    printed = _values(obj, "state") == State.PRINTED
-    return bool(np.isnan(_values(obj, there.name))[printed].any())
+    unknown, printed = np.isnan(_values(obj, there.name)), _values(obj, "state") == State.PRINTED
+    if there.domain == "CURVE":
+        return bool(unknown[printed].any())
+    if not unknown.any():
+        return False
+    missing = _values(obj, "missing")
+    if len(missing):
+        unknown &= ~missing  # which has a colour of its own
+    return bool(unknown[np.repeat(printed, np.diff(first_points(obj.data)))].any())
 
 
 def _values(obj: bpy.types.Object, name: str) -> np.ndarray:

@@ -11,15 +11,13 @@ from frametwin.blender.display.quantities import quantity_named
 from frametwin.blender.display.statistics import StrutValues
 from frametwin.blender.frames.strut_curves import PIECES, Attribute, Sampling
 from frametwin.geometry import bezier
+from frametwin.geometry.nearest import nearest_parameters
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.findings import DARK
 from frametwin.twin.twin import Twin
 
-ALONG = ("opacity", "radius", "distance")
+ALONG = ("opacity", "radius", "distance", "difference")
 """Attributes that differ along a strut; the other quantities are one number a strut."""
-
-_STEPS = 3
-"""Of Newton's method towards the nearest point of the plan; a strut is bent little."""
 
 
 def twin_sampling(twin: Twin, missing: np.ndarray) -> Sampling:
@@ -50,10 +48,16 @@ def twin_attributes(
     return {
         "opacity": Attribute("FLOAT", sampling.between(twin.opacity)),
         "distance": Attribute("FLOAT", height_above(twin.control_points, frame.control_points, sampling)),
+        "radius_guessed": Attribute("BOOLEAN", sampling.between(unmeasured(twin, frame.printed)) > 0.0),
         "missing": Attribute("BOOLEAN", sampling.between(dark) > 0.75),
         "state": Attribute("INT", np.where(frame.printed, State.PRINTED, State.UNPRINTED), "CURVE"),
         **strut_attributes(values),
     }
+
+
+def unmeasured(twin: Twin, printed: np.ndarray) -> np.ndarray:
+    """(E, K) 1 where no picture shows the piece, so that its radius is a guess from the plan or what is near."""
+    return np.where(printed[:, None] & (twin.thickness > 0.0) & (twin.opacity >= DARK), 0.0, 1.0)
 
 
 def strut_attributes(values: Mapping[str, StrutValues]) -> dict[str, Attribute]:
@@ -72,16 +76,8 @@ def height_above(curves: np.ndarray, plan: np.ndarray, sampling: Sampling) -> np
     Below 0 where the point is lower than the nearest one of the plan, as where a strut sags.
     """
     point, _ = sampling.points(curves)
-    strut, nearest = plan[sampling.strut], sampling.parameter
-    velocity, bend = 3.0 * np.diff(strut, axis=1), 6.0 * np.diff(strut, n=2, axis=1)
-    for _ in range(_STEPS):
-        away = np.einsum("pk,pkd->pd", bezier.bernstein(3, nearest), strut) - point
-        speed = np.einsum("pk,pkd->pd", bezier.bernstein(2, nearest), velocity)
-        turn = np.einsum("pk,pkd->pd", bezier.bernstein(1, nearest), bend)
-        slope, curvature = (away * speed).sum(axis=1), (speed**2).sum(axis=1)
-        convex = curvature + (away * turn).sum(axis=1)
-        step = slope / np.maximum(np.where(convex > 0.1 * curvature, convex, curvature), 1e-300)
-        nearest = np.clip(nearest - step, 0.0, 1.0)
+    strut = plan[sampling.strut]
+    nearest = nearest_parameters(point, strut, sampling.parameter)
     away = point - np.einsum("pk,pkd->pd", bezier.bernstein(3, nearest), strut)
     return np.where(away[:, 2] < 0.0, -1.0, 1.0) * np.linalg.norm(away, axis=1)
 

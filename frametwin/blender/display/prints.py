@@ -11,7 +11,9 @@ import idprop
 import numpy as np
 
 from frametwin.blender.frames.curves import wireframe_to_curve, wireframe_to_curve_steps
+from frametwin.blender.frames.described import describe_print
 from frametwin.blender.frames.plans import plan_and_deformed, plan_from_object
+from frametwin.blender.scene.collections import PRINTS, home_collection, remove_empty_homes
 from frametwin.blender.scene.placement import label
 from frametwin.capture.capture_checks import check_truth
 from frametwin.errors import InputError
@@ -76,8 +78,16 @@ def show_print_steps(
         vertices=np.asarray(simulated["vertices"]),
         printed=printed,
     )
-    obj = yield from wireframe_to_curve_steps(truth, name=f"{plan.name} print", scene=scene)
-    _mark(obj, np.asarray(simulated["present"]))
+    scene = bpy.context.scene if scene is None else scene
+    collection = home_collection(scene, PRINTS)
+    try:
+        obj = yield from wireframe_to_curve_steps(truth, name=f"{plan.name} print", collection=collection, scene=scene)
+    except BaseException:
+        remove_empty_homes()
+        raise
+    present = np.asarray(simulated["present"])
+    _mark(obj, present)
+    describe_print(obj, truth, plan, present, scene)
     return obj
 
 
@@ -90,8 +100,12 @@ def copy_to_bend(plan_object: bpy.types.Object, scene: bpy.types.Scene | None = 
         See `plan_from_object`.
     """
     plan = plan_from_object(plan_object, scene=scene)
-    obj = wireframe_to_curve(plan, name=f"{plan.name} print", scene=scene)
-    _mark(obj, np.tile([0.0, 1.0], (plan.strut_count, 1)))
+    scene = bpy.context.scene if scene is None else scene
+    collection = home_collection(scene, PRINTS)
+    obj = wireframe_to_curve(plan, name=f"{plan.name} print", collection=collection, scene=scene)
+    present = _everywhere(np.ones(plan.strut_count))
+    _mark(obj, present)
+    describe_print(obj, plan, plan, present, scene)
     return obj
 
 

@@ -117,6 +117,14 @@ _ALL = (
         BOTH,
         "Distance from the strut's plan along each strut, in mm: below 0 where it hangs lower than planned",
     ),
+    Quantity(
+        "difference",
+        "Distance from other",
+        "mm",
+        "difference",
+        HIGH,
+        "Distance from the twin that this one was compared with, along each strut, in mm",
+    ),
     Quantity("batch", "Batch", "", "batch", HIGH, "In which batch the strut is printed"),
 )
 

@@ -31,6 +31,11 @@ def store_values(
     collection[KEY] = {"version": VERSION, "columns": columns, **flagged}
 
 
+def store_column(collection: bpy.types.Collection, column: StrutValues) -> None:
+    """Add a quantity to those that `store_values` wrote, or replace it."""
+    collection[KEY]["columns"][column.quantity] = {"unit": column.unit, "values": column.values}
+
+
 def load_values(collection: bpy.types.Collection) -> tuple[dict[str, StrutValues], np.ndarray, np.ndarray]:
     """What `store_values` wrote: quantities by name, missing and uncertain struts.
 

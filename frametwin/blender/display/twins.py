@@ -18,7 +18,7 @@ from frametwin.blender.display.point_values import farthest, twin_attributes, tw
 from frametwin.blender.display.statistics import StrutValues, strut_values
 from frametwin.blender.display.twin_records import load_values, store_values, store_verdict
 from frametwin.blender.frames.strut_curves import StrutCurves, recorded_frame, strut_curves_steps
-from frametwin.blender.scene.collections import remove_collection
+from frametwin.blender.scene.collections import home_collection, remove_collection
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.errors import InputError
 from frametwin.files import PathLike
@@ -30,6 +30,8 @@ from frametwin.twin.verdict import Verdict
 
 RUN_KEY = "frametwin_run"
 ROLE_KEY = "frametwin_role"
+
+UNKNOWN = "it is not known"
 
 GHOSTS = 1000
 """Most struts of a twin that comes with its plan as a ghost: on a larger one it would only be in the way."""
@@ -62,6 +64,12 @@ class TwinContent:
     uncertain: np.ndarray
     run_folder: str = ""
     verdict: Verdict = Verdict()
+
+    @property
+    def title(self) -> str:
+        """What to call it: whose twin it is, and of which run."""
+        run = Path(self.run_folder).name if self.run_folder else ""
+        return f"{self.frame.name} twin, {run}" if run else f"{self.frame.name} twin"
 
     @classmethod
     def of(cls, twin: Twin, frame: Wireframe, truth: Truth | None = None, run_folder: str = "") -> TwinContent:
@@ -196,7 +204,7 @@ def show_twin_steps(
     """
     frame = content.frame
     scene = bpy.context.scene if scene is None else scene
-    collection = bpy.data.collections.new(collection_name or f"{frame.name} twin")
+    collection = bpy.data.collections.new(collection_name or content.title)
     try:
         obj = yield from strut_curves_steps(content.struts, f"{frame.name} twin", collection, mm_per_unit(scene))
         for owner, role in ((collection, "collection"), (obj, "twin")):
@@ -209,7 +217,7 @@ def show_twin_steps(
         values = content.values[colours.quantity]
         legend = colour_struts(obj, values, colours.low, colours.high, colours.map_name)
         yield None
-        scene.collection.children.link(collection)
+        home_collection(scene).children.link(collection)
         yield TURN
     except BaseException:
         remove_twin(collection)
@@ -260,7 +268,8 @@ def recolour_twin(
     """
     shown = find_twin(collection)
     if quantity not in shown.values:
-        what = "the capture has no truth.json" if quantity.startswith("error") else "it is not known"
+        reasons = {"difference": "it has not been compared with another twin"}
+        what = "the capture has no truth.json" if quantity.startswith("error") else reasons.get(quantity, UNKNOWN)
         remedy = f"choose one of {', '.join(shown.values)}"
         raise InputError.at(f"collection {collection.name}", quantity, f"cannot be shown, {what}", remedy)
     return colour_struts(shown.twin, shown.values[quantity], low, high, map_name)

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from frametwin.blender.frames.described import only_describes, take_description
 from frametwin.blender.frames.splines import Splines, read_splines
 from frametwin.blender.scene.placement import current_depsgraph, evaluated_object, label
 from frametwin.errors import InputError
@@ -106,7 +107,7 @@ def _moves_finished_line(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) 
     first. In Edit Mode `to_curve` leaves out modifiers that are not shown there.
     """
     attribute = "show_render" if depsgraph.mode == "RENDER" else "show_viewport"
-    modifiers = [modifier for modifier in obj.modifiers if getattr(modifier, attribute)]
+    modifiers = [each for each in obj.modifiers if getattr(each, attribute) and not only_describes(each)]
     bends = obj.parent is not None and obj.parent_type in ("ARMATURE", "LATTICE")
     if not modifiers:
         return bends
@@ -128,6 +129,7 @@ def _bare_copy(
     try:
         bare.data = data
         bare.hide_viewport = bare.hide_render = False
+        take_description(bare)
         _thin(data)
         depsgraph.scene.collection.objects.link(bare)
         yield bare, current_depsgraph(bare, depsgraph.scene)

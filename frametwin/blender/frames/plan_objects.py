@@ -9,9 +9,11 @@ import bpy
 import numpy as np
 
 from frametwin.blender.frames.curves import wireframe_to_curve
+from frametwin.blender.frames.described import describe_plan
 from frametwin.blender.frames.plan_checks import PlanProblem, plan_problems, select_struts
 from frametwin.blender.frames.plans import plan_from_object
 from frametwin.blender.scene import visibility
+from frametwin.blender.scene.collections import PLANS, home_collection
 from frametwin.blender.scene.placement import label
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
@@ -22,8 +24,9 @@ KEY = "frametwin_plan"
 def add_plan(frame: Wireframe, scene: bpy.types.Scene | None = None) -> bpy.types.Object:
     """Put a frame into the scene as a curve object, selected and active."""
     scene = bpy.context.scene if scene is None else scene
-    obj = wireframe_to_curve(frame, scene=scene)
+    obj = wireframe_to_curve(frame, collection=home_collection(scene, PLANS), scene=scene)
     obj[KEY] = True
+    describe_plan(obj, frame, scene)
     make_active(obj)
     return obj
 

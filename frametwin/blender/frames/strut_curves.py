@@ -222,6 +222,24 @@ def read_attribute(data: bpy.types.Curves, name: str) -> np.ndarray:
     return found.reshape(-1, 3) if width == 3 else found
 
 
+def first_points(data: bpy.types.Curves) -> np.ndarray:
+    """(E + 1,) number of the first point of each strut, and behind them that of all points."""
+    found = np.empty(len(data.curve_offset_data), dtype=np.int32)
+    data.curve_offset_data.foreach_get("value", found)
+    return found
+
+
+def struts_where(data: bpy.types.Curves, name: str) -> np.ndarray:
+    """Rising numbers of the struts for which, or at any point of which, a boolean attribute is set; none without it."""
+    there = data.attributes.get(name)
+    if there is None:
+        return np.zeros(0, dtype=np.int64)
+    found = read_attribute(data, name)
+    if there.domain == "POINT":
+        found = np.logical_or.reduceat(found, first_points(data)[:-1])
+    return np.flatnonzero(found)
+
+
 def lock(obj: bpy.types.Object) -> None:
     """Keep an object where it is: what was measured is not to be moved by accident."""
     obj.lock_location = obj.lock_rotation = obj.lock_scale = (True, True, True)

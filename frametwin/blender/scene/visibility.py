@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 import bpy
 
+from frametwin.blender.scene.collections import KEY, open_collections, paths_to
+
 
 def layers_of(obj: bpy.types.Object) -> Iterator[bpy.types.ViewLayer]:
     """The view layers of all scenes that an object is in; not those from which its collection is excluded."""
@@ -22,9 +24,13 @@ def hide(obj: bpy.types.Object) -> None:
 
 
 def show(obj: bpy.types.Object) -> None:
-    """Open an object's eye, wherever it is in a scene, and enable it in viewports."""
+    """Open an object's eye, wherever it is in a scene, enable it in viewports, and open the collections of ours."""
     if obj.hide_viewport and obj.is_editable:
         obj.hide_viewport = False
+    for scene in obj.users_scene:
+        for collection in obj.users_collection:
+            if KEY in collection:
+                open_collections(scene, collection)
     for layer in layers_of(obj):
         obj.hide_set(False, view_layer=layer)
 
@@ -41,11 +47,16 @@ def hide_all(collection: bpy.types.Collection) -> None:
 
 
 def show_all(collection: bpy.types.Collection, layer: bpy.types.ViewLayer) -> None:
-    """Open the eyes of all objects in a collection, and of the collection itself where it is closed in a layer."""
-    if collection.hide_viewport and collection.is_editable:
-        collection.hide_viewport = False
-    for found in _find(layer.layer_collection, collection):
-        found.hide_viewport = found.exclude = False
+    """Open the eyes of all objects in a collection, and of the collection itself where it is closed in a layer.
+
+    Collections of ours that it is inside of are opened too.
+    """
+    for path in paths_to(layer.layer_collection, collection):
+        for found in path:
+            if found.collection == collection or KEY in found.collection:
+                found.hide_viewport = found.exclude = False
+                if found.collection.hide_viewport and found.collection.is_editable:
+                    found.collection.hide_viewport = False
     for obj in collection.all_objects:
         show(obj)
 
@@ -53,10 +64,3 @@ def show_all(collection: bpy.types.Collection, layer: bpy.types.ViewLayer) -> No
 def is_any_shown(collection: bpy.types.Collection, layer: bpy.types.ViewLayer) -> bool:
     """Whether at least one object of a collection is in view in a view layer."""
     return any(is_shown(obj, layer) for obj in collection.all_objects)
-
-
-def _find(top: bpy.types.LayerCollection, collection: bpy.types.Collection) -> Iterator[bpy.types.LayerCollection]:
-    for child in top.children:
-        if child.collection == collection:
-            yield child
-        yield from _find(child, collection)
