@@ -11,6 +11,7 @@ import argparse
 import os
 import sys
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
@@ -41,8 +42,10 @@ def main() -> None:
         capture, run = Path(scratch, "capture"), Path(scratch, "run")
         with WorkerClient(find_python()) as worker:
             worker.call("simulate", {"frame": options.frame, "settings": {"size": size}, "out": capture})
-        pumps, seconds = follow(capture, run)
-        print(f"fit followed: {seconds:.1f} s, {len(pumps)} pumps, longest {1e3 * max(pumps):.1f} ms")
+        found = follow(capture, run)
+        print(f"fit followed: {found.seconds:.1f} s, {len(found.pumps)} pumps, longest {1e3 * max(found.pumps):.1f} ms")
+        print(f"    of computing in it: {1e3 * max(found.computing):.1f} ms at most")
+        print(f"    Blender's own evaluation in between: {1e3 * max(found.updates):.1f} ms at most")
         for truth in (None, capture):
             began = time.perf_counter()
             shown = import_twin(run, truth=truth)
@@ -77,31 +80,55 @@ def job(capture: Path, run: Path) -> Job:
     return Job(
         title="Fit",
         request="fit",
-        parameters={"capture": capture, "out": run},
+        parameters={"capture": capture, "out": run, "hand_over": True},
         worker=lambda: WorkerClient(find_python()),
         kind="python",
         on_curves=lambda curves: show_preview(curves, scene),
         clear=lambda: remove_preview(scene),
-        load=lambda answer: TwinContent.read(answer["out"], capture),
+        load=TwinContent.handed_over,
         finish=finish,
     )
 
 
-def follow(capture: Path, run: Path) -> tuple[list[float], float]:
-    """Seconds of every call of the pump during a fit, and of all of it."""
-    runner, pumps, began = Runner(), [], time.perf_counter()
+@dataclass
+class Followed:
+    """Seconds of every call of the pump during a fit, and of all of it.
+
+    Attributes
+    ----------
+    pumps, computing
+        By the clock, and of the main thread's computing alone: on a computer with other work the two differ.
+    updates
+        Of what Blender does by itself between two calls.
+    seconds
+        Of the whole fit.
+    """
+
+    pumps: list[float] = field(default_factory=list)
+    computing: list[float] = field(default_factory=list)
+    updates: list[float] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+def follow(capture: Path, run: Path) -> Followed:
+    """Follow a fit as the add-on does."""
+    runner, found, began = Runner(), Followed(), time.perf_counter()
     runner.start(job(capture, run))
     going = True
     while going:
-        at = time.perf_counter()
+        at, computed = time.perf_counter(), time.thread_time()
         going = runner.pump()
-        pumps.append(time.perf_counter() - at)
+        found.computing.append(time.thread_time() - computed)
+        found.pumps.append(time.perf_counter() - at)
+        at = time.perf_counter()
         bpy.context.view_layer.update()  # as Blender does by itself between two calls of a timer
-        time.sleep(0.05)
+        found.updates.append(time.perf_counter() - at)
+        time.sleep(0.005 if runner.finishing else 0.05)
     if runner.status.error:
         raise SystemExit(runner.status.message)
     runner.close()
-    return pumps, time.perf_counter() - began
+    found.seconds = time.perf_counter() - began
+    return found
 
 
 def cancel(capture: Path, run: Path) -> float:

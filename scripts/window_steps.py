@@ -185,6 +185,49 @@ def the_import_dialog() -> Waits:
     assert not areas("FILE_BROWSER") and settings().about_plan.struts == 156
 
 
+def the_rig_is_dragged() -> Waits:
+    yield from command("FrameTwin: Make Rig")
+    bpy.ops.object.select_all(action="DESELECT")
+    region = region_of(view())
+    middle = 0.4 * region.width, 0.5 * region.height
+    camera = min(settings().rig.objects, key=lambda obj: np.linalg.norm(np.subtract(pixel_at(obj), middle)))
+    camera.select_set(True)
+    bpy.context.view_layer.objects.active = camera
+    bpy.ops.ed.undo_push(message="selected")
+    yield 2 * BLINK
+    begin = np.array(pixel_at(camera))
+    away = np.subtract(pixel_at(camera, 0.2), begin)
+    away /= np.linalg.norm(away)
+    before, place = settings().cameras.distance, camera.matrix_world.translation.copy()
+    scale = bpy.context.preferences.system.ui_scale
+    head = 60.0 * scale  # of the arrow, whose size Blender keeps
+    yield from point_at(region, *(begin + head * away))
+    xdotool("mousedown", 1)
+    yield BLINK
+    for step in range(1, 6):
+        xdotool("mousemove", *to_screen(region, *(begin + (head + 12.0 * step) * away)))
+        yield BLINK
+    xdotool("mouseup", 1)
+    yield 2 * BLINK
+    assert settings().cameras.distance > before + 0.02, settings().cameras.distance
+    assert (camera.matrix_world.translation - place).length > 5.0
+    shot("dragged")
+    yield from point_at(region, *middle)
+    yield from press("ctrl+z")
+    assert settings().cameras.distance == before
+    yield BLINK
+
+
+def pixel_at(obj: bpy.types.Object, back: float = 0.0) -> tuple[float, float]:
+    """Where a camera is in the 3D view, or what lies behind it by a share of its distance from the origin."""
+    from bpy_extras.view3d_utils import location_3d_to_region_2d
+
+    place = obj.matrix_world.translation
+    behind = place + back * place.length * obj.matrix_world.to_3x3().col[2]
+    x, y = location_3d_to_region_2d(region_of(view()), view().spaces.active.region_3d, behind)
+    return float(x), float(y)
+
+
 def escape_cancels() -> Waits:
     settings().render.folder = str(SCRATCH / "work")
     settings().cameras.count, settings().cameras.width, settings().cameras.height = 4, 400, 300
@@ -296,10 +339,63 @@ def hidden_things_come_back() -> Waits:
     assert plan.visible_get()
 
 
+def photographs_are_led_to_the_fit() -> Waits:
+    rig = write_rig_of(Path(settings().fit.capture))
+    yield from command("FrameTwin: Import Rig")
+    (browser,) = areas("FILE_BROWSER")
+    params = browser.spaces.active.params
+    params.directory, params.filename = str(rig).encode(), "rig.json"
+    region = region_of(browser)
+    yield from point_at(region, 0.5 * region.width, 0.3 * region.height)
+    yield from press("Return")
+    assert settings().rig.name == "workshop" and Path(settings().pictures.rig) == rig, settings().pictures.rig
+    settings().pictures.folder = str(Path(settings().fit.capture) / "images")
+    yield 2 * BLINK
+    shot("photographs")
+    if not addon("computing").has_python():
+        return  # the zip without wheels, and no Python that is named: there is nothing to read pictures with
+    before, runner = settings().fit.capture, addon("session").runner
+    yield from command("FrameTwin: Capture from Pictures")
+    yield from until(lambda: not runner.busy)
+    assert settings().fit.capture != before and not runner.status.error, runner.status.message
+    yield from command("FrameTwin: Show Masks")
+    yield from until(lambda: not runner.busy)
+    assert settings().cameras.overlay == "mask" and not runner.status.error, runner.status.message
+    yield 2 * BLINK
+    shot("masks")
+
+
+def open_panels(*names: str) -> None:
+    """Let panels of the tab be open, before they are drawn for the first time; they come last then."""
+    for name in names:
+        panel = getattr(addon(name), f"FRAMETWIN_PT_{name}")
+        bpy.utils.unregister_class(panel)
+        panel.bl_options = set()
+        bpy.utils.register_class(panel)
+
+
+def write_rig_of(capture: Path) -> Path:
+    """A rig folder of the cameras of a capture, as if they had been calibrated."""
+    from frametwin.blender.views.rigs import read_calibration
+    from frametwin.cameras.rig_file import Rig, RigCamera, write_rig
+
+    known = np.diag(np.square([*4 * [0.3], *5 * [1e-4], *3 * [1e-4], *3 * [0.05]]))
+    cameras = []
+    for camera in read_calibration(capture):
+        lens = np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *np.zeros(5)])
+        size = (camera.width, camera.height)
+        cameras.append(RigCamera(camera.name, *size, "OPENCV", lens, camera.camera_to_world, known))
+    folder = SCRATCH / "workshop"
+    folder.mkdir()
+    write_rig(folder, Rig(tuple(cameras), world="robot", date="2026-11-20T10:00:00"))
+    return folder
+
+
 STEPS = (
     every_command_by_f3,
     the_grid_is_seen,
     the_import_dialog,
+    the_rig_is_dragged,
     escape_cancels,
     side_by_side,
     files_are_dropped,
@@ -307,6 +403,7 @@ STEPS = (
     two_twins_are_compared,
     hidden_things_come_back,
     the_inspect_workspace,
+    photographs_are_led_to_the_fit,
 )
 
 
@@ -348,6 +445,7 @@ def shot(name: str) -> None:
 
 def play() -> Waits:
     area = view()
+    open_panels("photographs")
     area.spaces.active.show_region_ui = True
     yield 2 * BLINK
     region_of(area, "UI").active_panel_category = "FrameTwin"

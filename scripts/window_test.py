@@ -1,4 +1,4 @@
-"""Try the add-on in a real Blender window on a virtual screen, with real keys and clicks, in about a minute.
+"""Try the add-on in a real Blender window on a virtual screen, with real keys and clicks, in a minute or two.
 
     python scripts/window_test.py --extension dist/frametwin-VERSION.zip --out out/window
 

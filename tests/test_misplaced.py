@@ -124,5 +124,6 @@ def test_a_strut_that_bowed_otherwise_than_a_cubic_can_says_how_far_it_is_off() 
     fine = np.linspace(0.0, 1.0, 2000)
     true = bezier.evaluate(curve, fine) + (fine**2 * (1.0 - fine) ** 2)[:, None] * bow
     error = np.linalg.norm(found[:, None] - true[None], axis=2).min(axis=1).mean()
+    assert twin.attached.all()
     assert 0.05 < error < 2.0 * twin.sigma_across[BOWED]
     assert twin.sigma_across[BOWED] > 3.0 * np.median(twin.sigma_across)

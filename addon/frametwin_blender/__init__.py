@@ -28,7 +28,9 @@ from . import (
     printing,
     properties,
     render,
+    rig_gizmo,
     session,
+    setting_presets,
     show_hide,
     status,
     support,
@@ -47,7 +49,7 @@ MODULES = (
 
 WITHOUT_PANELS = (
     *(session, show_hide, support, opening, overlay, import_rig, masks),
-    *(inspect_view, pick_strut, menus),
+    *(inspect_view, pick_strut, menus, setting_presets, rig_gizmo),
 )
 OPTIONAL = (set_up,) if computing.HAS_SET_UP else ()
 CLASSES = tuple(cls for module in (*MODULES, *WITHOUT_PANELS, *OPTIONAL) for cls in module.CLASSES)
@@ -65,9 +67,11 @@ def register() -> None:
     status.register()
     menus.register()
     inspect_struts.register()
+    setting_presets.register()
 
 
 def unregister() -> None:
+    setting_presets.unregister()
     inspect_struts.unregister()
     menus.unregister()
     status.unregister()

@@ -17,9 +17,10 @@ from frametwin.errors import InputError
 from . import session
 from .computing import can_compute, worker_job
 from .display_inputs import draw_input
+from .file_formats import FORMATS, UNIT_ITEMS, FrameExport
 from .fit import start_run, was_fitted_with_torch
 from .preferences import draw_python
-from .steps import Panel, SaveStep, Step, draw_progress, draw_shown, needs, twin_of, write_text
+from .steps import Panel, Step, draw_progress, draw_shown, needs, twin_of, write_text
 
 TITLE = "Adapt"
 
@@ -64,7 +65,7 @@ class FRAMETWIN_OT_adapt(Step, bpy.types.Operator):
         session.start(adapt_job(context))
 
 
-class FRAMETWIN_OT_export_adapted(SaveStep, bpy.types.Operator):
+class FRAMETWIN_OT_export_adapted(FrameExport, bpy.types.Operator):
     """Write the struts that are still to be printed, as they shall be: a frame file (.json) or lines (.obj)"""
 
     bl_idname = "frametwin.export_adapted"
@@ -74,6 +75,8 @@ class FRAMETWIN_OT_export_adapted(SaveStep, bpy.types.Operator):
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.json;*.obj", options={"HIDDEN"})  # type: ignore[valid-type]
     check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
+    format: bpy.props.EnumProperty(name="Format", items=FORMATS[:2])  # type: ignore[valid-type]
+    unit: bpy.props.EnumProperty(name="Unit", description="Of the lines", items=UNIT_ITEMS)  # type: ignore[valid-type]
 
     def default_name(self, context: bpy.types.Context) -> str:
         return find_adapted(twin_of(context)).struts.name
@@ -85,7 +88,7 @@ class FRAMETWIN_OT_export_adapted(SaveStep, bpy.types.Operator):
 
     def act(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))
-        export_struts(find_adapted(twin_of(context)).struts, path)
+        export_struts(find_adapted(twin_of(context)).struts, path, self.unit)
         return f"Wrote {path}"
 
 

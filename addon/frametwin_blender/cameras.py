@@ -11,13 +11,16 @@ import numpy as np
 from frametwin.blender.display.prints import read_print
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.blender.views.captures import PICTURE, next_camera, show_pictures
+from frametwin.blender.views.rig_distance import remember_distance
 from frametwin.blender.views.rigs import cameras_from_collection, read_calibration, replace_rig, rig_cameras
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 
 from .folders import given_folder
+from .layouts import ICON, begin, buttons, field
 from .overlay import draw_overlay
+from .setting_presets import FRAMETWIN_PT_rig_presets
 from .steps import FileStep, Panel, Step, needs, plan_of, print_of, rig_of, settings_of, write_text
 from .views import (
     change_picture,
@@ -73,6 +76,7 @@ class FRAMETWIN_OT_make_rig(Step, bpy.types.Operator):
         cameras, target = wanted_cameras(context)
         settings = settings_of(context)
         settings.rig = replace_rig(settings.rig, cameras, context.scene, target)
+        remember_distance(settings.rig, cameras, target, settings.cameras.distance)
         places = np.array([camera.centre for camera in cameras])
         see(context, np.concatenate([places, target.vertices]) / mm_per_unit(context.scene))
         return f"{len(cameras)} cameras"
@@ -172,26 +176,30 @@ class FRAMETWIN_PT_cameras(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_cameras"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        FRAMETWIN_PT_rig_presets.draw_panel_header(self.layout)
+
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context), self.layout
         wanted, rig = settings.cameras, rig_of(context)
-        layout.use_property_split, layout.use_property_decorate = True, False
+        begin(layout, context)
         if plan_of(context) is None:
             write_text(layout, "Add a plan to put a rig around it, or import calibrated cameras.", context, "INFO")
         else:
             column = layout.column(align=True)
-            column.prop(wanted, "kind")
-            column.prop(wanted, "count")
-            column.prop(wanted, "distance")
+            field(column, context, wanted, "kind")
+            field(column, context, wanted, "count")
+            field(column, context, wanted, "distance")
             column = layout.column(align=True)
-            column.prop(wanted, "low")
-            column.prop(wanted, "high")
-            column.prop(wanted, "lens")
+            field(column, context, wanted, "low")
+            field(column, context, wanted, "high")
+            field(column, context, wanted, "lens")
             column = layout.column(align=True)
-            column.prop(wanted, "width")
-            column.prop(wanted, "height")
-        row = layout.row(align=True)
-        row.operator("frametwin.make_rig", text="Replace Rig" if rig else "Make Rig", icon="OUTLINER_OB_CAMERA")
+            field(column, context, wanted, "width")
+            field(column, context, wanted, "height")
+        made = "Replace Rig" if rig else "Make Rig"
+        row = buttons(layout, context, made, "Import", more=ICON)
+        row.operator("frametwin.make_rig", text=made, icon="OUTLINER_OB_CAMERA")
         row.operator("frametwin.import_cameras", text="Import", icon="IMPORT")
         if rig is not None:
             self._draw_rig(layout, context, rig)

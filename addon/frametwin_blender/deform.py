@@ -17,7 +17,9 @@ from frametwin.formats import frame_json
 from . import session
 from .computing import can_compute, worker_job
 from .in_view import hide_for_print
+from .layouts import ICON, begin, buttons, field
 from .preferences import draw_python
+from .setting_presets import FRAMETWIN_PT_deform_presets
 from .steps import Panel, Step, draw_progress, draw_shown, needs, plan_of, print_of, settings_of, write_text
 
 TITLE = "Deform"
@@ -105,31 +107,34 @@ class FRAMETWIN_PT_deform(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_deform"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        FRAMETWIN_PT_deform_presets.draw_panel_header(self.layout)
+
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         if plan_of(context) is None:
             write_text(layout, "Add a plan first. With real pictures, go on to Fit.", context, "INFO")
             return
         settings = settings_of(context).deform
-        layout.use_property_split, layout.use_property_decorate = True, False
+        begin(layout, context)
         column = layout.column(align=True)
-        column.prop(settings, "kind")
-        column.prop(settings, "automatic", text="Peak 7 %")
-        row = column.row()
-        row.enabled = not settings.automatic
-        row.prop(settings, "peak")
-        column.prop(settings, "seed")
+        field(column, context, settings, "kind")
+        field(column, context, settings, "automatic", "Peak 7 %")
+        part = column.column(align=True)
+        part.enabled = not settings.automatic
+        field(part, context, settings, "peak")
+        field(column, context, settings, "seed")
         column = layout.column(align=True)
-        column.prop(settings, "how")
+        field(column, context, settings, "how")
         if settings.how != "all":
-            column.prop(settings, settings.how)
+            field(column, context, settings, settings.how)
         column = layout.column(align=True)
-        column.prop(settings, "missing")
+        field(column, context, settings, "missing")
         if settings.missing:
-            column.prop(settings, "missing_share")
+            field(column, context, settings, "missing_share")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context)
-            row = layout.row(align=True)
+            row = buttons(layout, context, "Deform", "By Hand", more=ICON / 2)
             row.operator("frametwin.sag", text="Deform", icon="PHYSICS")
             row.operator("frametwin.copy_to_bend", text="By Hand")
         layout.prop(settings_of(context), "print_object", text="Print")

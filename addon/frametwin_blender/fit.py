@@ -20,11 +20,14 @@ from frametwin.twin.runs import load_run
 
 from . import session
 from .computing import can_compute, worker_job
+from .fit_settings import camera_changes, draw_mask, mask_parameters
 from .folders import fresh_folder, given_folder, work_folder
 from .in_view import hide, twin_shows
+from .layouts import ICON, begin, buttons, field
 from .plan import take_plan
 from .preferences import draw_python
 from .recolour import show_colours, wanted_colours
+from .setting_presets import FRAMETWIN_PT_fit_presets
 from .steps import Panel, Step, draw_progress, needs, settings_of, twin_of, write_text
 from .views import see
 
@@ -41,13 +44,14 @@ def fit_job(context: bpy.types.Context) -> Job:
     Raises
     ------
     FrameTwinError
-        If the capture cannot be read.
+        If the capture cannot be read, or has not what the panel asks for.
     """
     settings, scene_now = settings_of(context), keep(context.scene)
     capture = given_folder(settings.fit.capture, "Capture")
-    truth = capture if read_capture(capture).truth is not None else None
+    content = read_capture(capture)
     out = fresh_folder(work_folder(context), "run")
-    parameters = {"capture": capture, "preset": settings.fit.preset, "seed": settings.fit.seed}
+    parameters = {"capture": capture, "preset": settings.fit.preset, "seed": settings.fit.seed, "hand_over": True}
+    parameters |= {**mask_parameters(context), "changes": camera_changes(context, content)}
     if settings.fit.warm:
         parameters["warm_start"] = start_run(context)
 
@@ -70,7 +74,7 @@ def fit_job(context: bpy.types.Context) -> Job:
         stages=STAGES,
         on_curves=lambda curves: show_preview(curves, scene_now()),
         clear=remove_preview,
-        load=lambda answer: TwinContent.read(answer["out"], truth),
+        load=TwinContent.handed_over,
     )
 
 
@@ -217,24 +221,53 @@ class FRAMETWIN_PT_fit(Panel, bpy.types.Panel):
     bl_idname = "FRAMETWIN_PT_fit"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        FRAMETWIN_PT_fit_presets.draw_panel_header(self.layout)
+
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).fit, self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
+        begin(layout, context)
         if not settings.capture:
             write_text(layout, "Render a capture, or choose a folder with your own pictures.", context, "INFO")
         column = layout.column(align=True)
-        column.prop(settings, "capture")
-        column.prop(settings, "preset")
+        field(column, context, settings, "capture")
+        field(column, context, settings, "preset")
         if settings.preset != "fast":
-            column.prop(settings, "seed")
+            field(column, context, settings, "seed")
         elif twin_of(context) is not None:
-            column.prop(settings, "warm")
+            field(column, context, settings, "warm")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context, settings.preset != "fast")
             layout.operator("frametwin.fit", text="Fit", icon="MOD_FLUIDSIM")
-        row = layout.row(align=True)
+        row = buttons(layout, context, "Open Capture", "Import Run", more=ICON)
         row.operator("frametwin.open_capture", text="Open Capture", icon="SCENE_DATA")
         row.operator("frametwin.import_run", text="Import Run", icon="IMPORT")
 
 
-CLASSES = (FRAMETWIN_OT_open_capture, FRAMETWIN_OT_fit, FRAMETWIN_OT_import_run, FRAMETWIN_PT_fit)
+class FRAMETWIN_PT_fit_views(Panel, bpy.types.Panel):
+    """How photographs and their cameras are taken"""
+
+    bl_label = "Masks and Cameras"
+    bl_idname = "FRAMETWIN_PT_fit_views"
+    bl_parent_id = "FRAMETWIN_PT_fit"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings, layout = settings_of(context).fit, self.layout
+        begin(layout, context)
+        draw_mask(layout, context)
+        if settings.preset == "fast":
+            column = layout.column(align=True)
+            field(column, context, settings, "cameras")
+            part = column.column(align=True)
+            part.enabled = settings.cameras != "exact"
+            field(part, context, settings, "anchor")
+
+
+CLASSES = (
+    FRAMETWIN_OT_open_capture,
+    FRAMETWIN_OT_fit,
+    FRAMETWIN_OT_import_run,
+    FRAMETWIN_PT_fit,
+    FRAMETWIN_PT_fit_views,
+)

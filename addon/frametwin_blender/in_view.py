@@ -16,12 +16,13 @@ from frametwin.blender.frames.described import DESCRIBES
 from frametwin.blender.frames.plan_objects import is_added_plan
 from frametwin.blender.frames.plans import READABLE
 from frametwin.blender.scene import visibility
+from frametwin.blender.views.rig_distance import set_distance
 from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.wording import enumerated
 
 from .recolour import recolour_afresh
-from .steps import plan_of, print_of, twin_of
+from .steps import plan_of, print_of, rig_of, twin_of
 
 BOX = 8
 """Corners of a box."""
@@ -60,6 +61,13 @@ def plan_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -
         hide(old)
     visibility.show(new)
     settings.plan_before = new
+
+
+def distance_changed(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Let a rig that was made about the frame follow; called by Blender when the distance changes."""
+    rig = rig_of(context)
+    if rig is not None:
+        set_distance(rig, settings.distance, context.scene)
 
 
 def twin_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

@@ -17,6 +17,7 @@ from frametwin.capture.capture import read_capture
 
 from . import session
 from .computing import can_compute, worker_job
+from .fit_settings import mask_parameters
 from .folders import given_folder
 from .steps import Step, needs, rig_of, settings_of
 from .views import look_through_camera
@@ -31,8 +32,9 @@ def masks_job(context: bpy.types.Context) -> Job:
     Raises
     ------
     InputError
-        If there is no capture.
+        If there is no capture, or a folder cannot be told.
     """
+    parameters = mask_parameters(context)
     capture = given_folder(settings_of(context).fit.capture, "Capture")
     scene_now = keep(context.scene)
     scratch = Path(tempfile.mkdtemp(prefix="frametwin-"))
@@ -50,7 +52,8 @@ def masks_job(context: bpy.types.Context) -> Job:
     def clear() -> None:
         shutil.rmtree(scratch, ignore_errors=True)
 
-    return worker_job(TITLE, "masks", {"capture": capture}, finish, out=out, clear=clear, stages=STAGES)
+    parameters["capture"] = capture
+    return worker_job(TITLE, "masks", parameters, finish, out=out, clear=clear, stages=STAGES)
 
 
 def words_of(answer: dict[str, Any]) -> str:

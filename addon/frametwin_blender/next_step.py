@@ -23,7 +23,8 @@ def next_step(context: bpy.types.Context) -> str:
     if plan is None:
         return "Plan: add a frame to try things out, or import your own."
     if settings.pictures.rig:
-        return "Photographs: choose the folder of pictures, then press Capture from Pictures."
+        chosen = "" if settings.pictures.folder else "choose the folder of pictures, then "
+        return f"Photographs: {chosen}press Capture from Pictures."
     if rig_of(context) is None:
         bent = print_of(context) is not None
         return "Cameras: press Make Rig." if bent else "Deform: press Deform for a print that sags, then Cameras."

@@ -16,7 +16,9 @@ from frametwin.errors import InputError
 
 from . import session
 from .computing import can_compute, worker_job
+from .fit_settings import mask_parameters
 from .folders import fresh_folder, given_folder
+from .layouts import BUTTON, field, fit
 from .properties import OVERLAYS
 from .steps import Step, draw_progress, needs, rig_of, settings_of, twin_of, write_text
 from .views import look_through_camera
@@ -31,21 +33,28 @@ def run_of(context: bpy.types.Context) -> str:
     return "" if twin is None else str(twin.get(RUN_KEY, ""))
 
 
+def seen_as(context: bpy.types.Context) -> str:
+    """Of what comparisons with the capture are: of the run, by the masks that the panel asks for."""
+    masks = mask_parameters(context)
+    return " ".join([run_of(context), *(str(value) for value in masks.values() if value != "auto")])
+
+
 def compare_job(context: bpy.types.Context, mode: str) -> Job:
     """Draw outlines and differences of all views, and show those of one mode.
 
     Raises
     ------
     InputError
-        If there is no capture.
+        If there is no capture, or a folder cannot be told.
     """
-    capture, run = given_folder(settings_of(context).fit.capture, "Capture"), run_of(context)
+    capture, run, seen = given_folder(settings_of(context).fit.capture, "Capture"), run_of(context), seen_as(context)
+    parameters = {"capture": capture, "run": run, **mask_parameters(context)}
     scene_now = keep(context.scene)
     out = fresh_folder(Path(bpy.app.tempdir), "frametwin-views")
 
     def finish(answer: dict[str, Any]) -> Steps:
         scene = scene_now()
-        load_comparisons(out, str(capture), run)
+        load_comparisons(out, str(capture), seen)
         settings = scene.frametwin
         settings.cameras.overlay = mode
         if settings.rig is not None:
@@ -56,9 +65,7 @@ def compare_job(context: bpy.types.Context, mode: str) -> Job:
     def clear() -> None:
         shutil.rmtree(out, ignore_errors=True)
 
-    return worker_job(
-        TITLE, "compare", {"capture": capture, "run": run}, finish, out=out, clear=clear, stages=STAGES
-    )  # fmt: skip
+    return worker_job(TITLE, "compare", parameters, finish, out=out, clear=clear, stages=STAGES)
 
 
 def words_of(views: list[dict[str, Any]]) -> str:
@@ -97,7 +104,7 @@ class FRAMETWIN_OT_show_pictures(Step, bpy.types.Operator):
             count = show_pictures(rig, capture, opacity=wanted.opacity, front=wanted.front)
         elif not run:
             raise InputError("There is no twin with a run folder to compare the pictures with: fit the capture first.")
-        elif not has_comparisons(str(capture), run):
+        elif not has_comparisons(str(capture), seen_as(context)):
             if not can_compute(type(self)):
                 raise InputError("Something is under way already: wait for it, or cancel it.")
             session.start(compare_job(context, self.mode))
@@ -125,21 +132,28 @@ class FRAMETWIN_OT_hide_pictures(Step, bpy.types.Operator):
         hide_pictures(rig_of(context))
 
 
+def overlay_shown(context: bpy.types.Context) -> str:
+    """What lies over the views of the rig's cameras: ``picture``, ``outline``, ``difference``, ``mask`` or nothing."""
+    rig = rig_of(context)
+    cameras = [] if rig is None else [obj.data for obj in rig.all_objects if obj.type == "CAMERA"]
+    there = any(len(camera.background_images) and camera.show_background_images for camera in cameras)
+    return str(settings_of(context).cameras.overlay) if there else ""
+
+
 def draw_overlay(layout: bpy.types.UILayout, context: bpy.types.Context, rig: bpy.types.Collection) -> None:
     """A button for each way to lay pictures over the cameras' views, and how they are drawn."""
-    wanted = settings_of(context).cameras
-    shown = any(len(obj.data.background_images) for obj in rig.all_objects if obj.type == "CAMERA")
-    row = layout.row(align=True)
+    wanted, shown = settings_of(context).cameras, overlay_shown(context)
+    beside = fit(context, *(name for _, name, _ in OVERLAYS), more=BUTTON / len(OVERLAYS))
+    row = layout.row(align=True) if beside else layout.column(align=True)
     for key, name, _ in OVERLAYS:
-        pressed = shown and wanted.overlay == key
-        row.operator("frametwin.show_pictures", text=name, depress=pressed).mode = key
-    row.operator("frametwin.hide_pictures", text="", icon="X")
+        row.operator("frametwin.show_pictures", text=name, depress=shown == key).mode = key
+    row.operator("frametwin.hide_pictures", text="" if beside else "Hide Pictures", icon="X")
     draw_progress(layout, context, TITLE)
-    if shown and wanted.overlay == "difference":
+    if shown == "difference":
         write_text(layout, "Orange: print without twin. Blue: twin without print.", context)
     if wanted.overlay == "picture":
-        layout.prop(wanted, "opacity")
-        layout.prop(wanted, "front")
+        field(layout, context, wanted, "opacity")
+        field(layout, context, wanted, "front")
 
 
 CLASSES = (FRAMETWIN_OT_show_pictures, FRAMETWIN_OT_hide_pictures)

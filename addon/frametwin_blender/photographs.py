@@ -10,6 +10,7 @@ from frametwin.blender.background.keeping import keep
 from frametwin.blender.background.runner import Job, Steps
 from frametwin.blender.display.prints import partly_printed
 from frametwin.blender.frames.plans import plan_from_object
+from frametwin.blender.views.comparisons import MASK
 from frametwin.blender.views.rigs import read_calibration, replace_rig
 from frametwin.cameras.rig_file import read_rig
 from frametwin.formats import frame_json
@@ -17,8 +18,11 @@ from frametwin.geometry.wireframe import Wireframe
 
 from . import masks, session
 from .computing import can_compute, worker_job
+from .fit_settings import draw_mask
 from .folders import fresh_folder, given_folder, work_folder
 from .import_rig import place_of_plan
+from .layouts import begin, button, field
+from .overlay import overlay_shown
 from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, needs, plan_of, settings_of, write_text
 
@@ -121,32 +125,43 @@ class FRAMETWIN_PT_photographs(Panel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context), self.layout
         pictures = settings.pictures
-        layout.use_property_split, layout.use_property_decorate = True, False
+        begin(layout, context)
         if not pictures.rig:
             write_text(layout, "For pictures of your own: import the rig of calibrated cameras.", context, "INFO")
         column = layout.column(align=True)
-        column.prop(pictures, "rig")
-        column.prop(pictures, "place")
-        column.prop(pictures, "turn")
-        button = layout.operator("frametwin.import_rig", text="Import Rig", icon="OUTLINER_OB_CAMERA")
-        button.filepath = pictures.rig
+        field(column, context, pictures, "rig")
+        field(column, context, pictures, "place")
+        field(column, context, pictures, "turn")
+        imported = button(layout, context, "frametwin.import_rig", "Import Rig", "OUTLINER_OB_CAMERA")
+        imported.filepath = pictures.rig
         if pictures.rig:
-            self._draw_pictures(layout, pictures)
+            self._draw_pictures(layout, context, pictures)
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context, False)
-            layout.operator("frametwin.capture_pictures", text="Capture from Pictures", icon="IMAGE_DATA")
-        if settings.fit.capture and not draw_progress(layout, context, masks.TITLE):
-            layout.operator("frametwin.show_masks", text="Show Masks", icon="MOD_MASK")
+            button(layout, context, "frametwin.capture_pictures", "Capture from Pictures", "IMAGE_DATA", "Make Capture")
+        if settings.fit.capture:
+            self._draw_masks(layout, context)
 
-    def _draw_pictures(self, layout: bpy.types.UILayout, pictures: bpy.types.PropertyGroup) -> None:
+    def _draw_masks(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        draw_mask(layout, context)
+        if draw_progress(layout, context, masks.TITLE):
+            return
+        shown = overlay_shown(context) == MASK
+        layout.operator("frametwin.show_masks", text="Show Masks", icon="MOD_MASK", depress=shown)
+        if shown:
+            write_text(layout, "Orange: print. Grey: unknown.", context)
+
+    def _draw_pictures(
+        self, layout: bpy.types.UILayout, context: bpy.types.Context, pictures: bpy.types.PropertyGroup
+    ) -> None:
         column = layout.column(align=True)
-        column.prop(pictures, "folder")
-        column.prop(pictures, "before")
-        column.prop(pictures, "moment")
+        field(column, context, pictures, "folder")
+        field(column, context, pictures, "before")
+        field(column, context, pictures, "moment")
         column = layout.column(align=True)
-        column.prop(pictures, "how")
+        field(column, context, pictures, "how")
         if pictures.how in ("batch", "height"):
-            column.prop(pictures, pictures.how)
+            field(column, context, pictures, pictures.how)
 
 
 CLASSES = (FRAMETWIN_OT_capture_pictures, FRAMETWIN_PT_photographs)

@@ -17,6 +17,7 @@ class FrameTwinPictures(bpy.types.PropertyGroup):
         name="Plan at",
         size=3,
         precision=2,
+        subtype="XYZ",
         description="Where the plan's origin stands in the robot's base: x, y and z in mm",
     )
     turn: FloatProperty(  # type: ignore[valid-type]

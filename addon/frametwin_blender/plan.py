@@ -25,8 +25,10 @@ from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.wording import enumerated
 
+from .file_formats import READ_UNITS, draw_import, in_mm
 from .frames_offered import FRAME_ITEMS
 from .in_view import hide_boxes_around, make_way
+from .layouts import ICON, buttons
 from .steps import FileStep, Panel, Step, draw_chosen, needs, plan_of, settings_of, write_text
 from .views import see, suit_millimetres
 
@@ -108,7 +110,7 @@ class FRAMETWIN_OT_add_frame(Step, bpy.types.Operator):
 
 
 class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
-    """Read a frame file as the plan: frame.json, assembly or COMPAS JSON, OBJ lines, Node/Edge text, DXF, 3dm; in mm"""
+    """Read a frame file as the plan: frame.json, assembly or COMPAS JSON, OBJ, Node/Edge text, DXF, 3dm, meshes"""
 
     bl_idname = "frametwin.import_frame"
     bl_label = "FrameTwin: Import Frame"
@@ -119,8 +121,16 @@ class FRAMETWIN_OT_import_frame(FileStep, bpy.types.Operator):
         default="*.json;*.obj;*.txt;*.dxf;*.3dm;*.stl;*.ply;*.off;*.glb;*.gltf", options={"HIDDEN"}
     )
 
+    unit: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Unit", description="Of the lengths in the file, where it does not state one", items=READ_UNITS
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        draw_import(self.layout, self, context)
+
     def act(self, context: bpy.types.Context) -> str:
-        return take_frame(context, read_importable(Path(bpy.path.abspath(self.filepath))))
+        path = Path(bpy.path.abspath(self.filepath))
+        return take_frame(context, in_mm(read_importable(path), self.unit, path))
 
 
 def read_importable(path: Path) -> Wireframe:
@@ -234,10 +244,10 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
         about, plan = settings.about_plan, plan_of(context)
         if plan is None and mm_per_unit(context.scene) != 1.0:
             layout.operator("frametwin.use_millimetres", text="Use Millimetres", icon="DRIVER_DISTANCE")
-        row = layout.row(align=True)
+        row = buttons(layout, context, "Lattice Tower", "Add", more=ICON)
         row.prop(about, "frame", text="")
         row.operator("frametwin.add_frame", text="Add", icon="ADD")
-        row = layout.row(align=True)
+        row = buttons(layout, context, "Import", "Use Selected", more=ICON / 2)
         row.operator("frametwin.import_frame", text="Import", icon="IMPORT")
         row.operator("frametwin.use_selected", text="Use Selected")
         if plan is None:
@@ -261,7 +271,7 @@ class FRAMETWIN_PT_plan(Panel, bpy.types.Panel):
             write_text(box, problem.sentence, context, "ERROR")
             if problem.kind != UNREADABLE:
                 box.operator("frametwin.select_culprits", text="Select").kind = problem.kind
-        row = layout.row(align=True)
+        row = buttons(layout, context, "No Problems", "Check Again", more=ICON)
         if not about.problems:
             row.label(text="No Problems", icon="CHECKMARK")
         row.operator("frametwin.check_plan", text="Check Again", icon="FILE_REFRESH")

@@ -18,6 +18,7 @@ from .computing import can_compute, worker_job
 from .fit import FITTING
 from .folders import fresh_folder, given_folder, work_folder
 from .jobs_in_view import come_back, hide_for_jobs, name_of, remember, show_whole
+from .layouts import begin, buttons, field
 from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
@@ -278,19 +279,19 @@ class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = settings_of(context).print, self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
+        begin(layout, context)
         if plan_of(context) is None:
             write_text(layout, "Add a plan to print it here, or show the folder of a job.", context, "INFO")
         column = layout.column(align=True)
-        column.prop(settings, "mode")
-        column.prop(settings, "seed")
-        column.prop(settings, "batch_size")
+        field(column, context, settings, "mode")
+        field(column, context, settings, "seed")
+        field(column, context, settings, "batch_size")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context)
             layout.operator("frametwin.simulate_print", text="Simulate Print", icon="PLAY")
         column = layout.column(align=True)
-        column.prop(settings, "job")
-        row = column.row(align=True)
+        field(column, context, settings, "job")
+        row = buttons(column, context, "New Job", "Fit and Adapt", "Show Job")
         row.operator("frametwin.plan_print", text="New Job")
         row.operator("frametwin.answer_print", text="Fit and Adapt")
         row.operator("frametwin.show_job", text="Show Job")

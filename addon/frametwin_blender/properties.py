@@ -19,20 +19,12 @@ from frametwin.blender.display.colours import MAPS
 from frametwin.blender.display.quantities import QUANTITIES
 from frametwin.blender.display.twins import is_twin
 
+from .fit_settings import FrameTwinFit
 from .frames_offered import FRAME_ITEMS
-from .in_view import can_be_chosen, plan_chosen, twin_chosen
+from .in_view import can_be_chosen, distance_changed, plan_chosen, twin_chosen
 from .picture_settings import FrameTwinPictures
 from .recolour import recolour_active, recolour_afresh, restyle_active
 from .translations import in_own_context
-
-PRESETS = (
-    ("fast", "Fast", "Blurred rods and second-order steps: seconds on a laptop, the most accurate"),
-    ("paper", "Paper", "The paper's method: a neural network, minutes"),
-    ("paper-letter", "Paper, to the letter", "The same by the letter of its text, which ends further off"),
-    ("paper-lattice", "Paper, lattice", "The paper's kernels with a spline lattice in place of the network"),
-    ("curve-driven", "Curve-driven", "Free control points, for comparison"),
-    ("deformation-driven", "Deformation-driven", "Sparse control nodes, for comparison"),
-)
 
 COLOURS = tuple((found.key, found.name, found.description) for found in QUANTITIES.values())
 
@@ -151,7 +143,9 @@ class FrameTwinCameras(bpy.types.PropertyGroup):
         default=1.0,
         min=0.5,
         max=20.0,
-        description="Multiple of the least distance from which a camera sees the whole frame",
+        description="Multiple of the least distance from which a camera sees the whole frame; a rig that was made"
+        " follows, and so does the arrow at a selected camera",
+        update=distance_changed,
     )
     low: FloatProperty(  # type: ignore[valid-type]
         name="Low Angle",
@@ -221,25 +215,6 @@ class FrameTwinRender(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="Where captures and runs are written. Empty: beside the .blend file, or FrameTwin in your home",
-    )
-
-
-class FrameTwinFit(bpy.types.PropertyGroup):
-    """How a capture is fitted."""
-
-    capture: StringProperty(  # type: ignore[valid-type]
-        name="Capture",
-        subtype="DIR_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
-        description="Folder with frame.json, transforms.json and images; rendering fills it in",
-    )
-    preset: EnumProperty(  # type: ignore[valid-type]
-        name="Preset", description="The method", items=PRESETS
-    )
-    seed: IntProperty(name="Seed", min=0, description="Of what a preset draws at random")  # type: ignore[valid-type]
-    warm: BoolProperty(  # type: ignore[valid-type]
-        name="Start at This Twin",
-        description="Begin at the twin that is shown, where it is one of the same frame: quicker for the next batch",
     )
 
 

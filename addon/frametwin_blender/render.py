@@ -14,6 +14,7 @@ from frametwin.blender.views.captures import capture_parameters
 from . import session
 from .cameras import cameras_of
 from .folders import fresh_folder, work_folder
+from .layouts import begin, field
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, print_of, rig_of, settings_of, write_text
 
 TITLE = "Render"
@@ -86,12 +87,12 @@ class FRAMETWIN_PT_render(Panel, bpy.types.Panel):
         if plan_of(context) is None or rig_of(context) is None:
             write_text(layout, "Needs a plan and cameras. With real pictures, go on to Photographs.", context, "INFO")
             return
-        layout.use_property_split, layout.use_property_decorate = True, False
+        begin(layout, context)
         column = layout.column(align=True)
-        column.prop(settings, "style")
+        field(column, context, settings, "style")
         if settings.style == "photo":
-            column.prop(settings, "samples")
-        column.prop(settings, "folder")
+            field(column, context, settings, "samples")
+        field(column, context, settings, "folder")
         if not settings.folder:
             write_text(layout, f"Into {work_folder(context)}", context)
         if not draw_progress(layout, context, TITLE):

@@ -17,6 +17,9 @@ from .text import wrapped
 INTERVAL = 0.05
 """Seconds between two looks at what a worker says."""
 
+SHORT = 0.005
+"""The same while a result is put into the scene, of which each look does a little: in between Blender has its turn."""
+
 runner = Runner()
 installer: Installer | None = None
 _when_installed: Callable[[], None] | None = None
@@ -78,7 +81,7 @@ def _installing() -> bool:
 def _tick() -> float | None:
     going = pump()
     redraw(all_of_it=not going)
-    return INTERVAL if going else None
+    return (SHORT if runner.finishing else INTERVAL) if going else None
 
 
 def redraw(all_of_it: bool = True) -> None:

@@ -8,8 +8,9 @@ import bpy
 from frametwin.blender.background.status import Status
 
 from . import session
+from .layouts import BUTTON
 from .next_step import next_step
-from .steps import BUTTON, Panel, draw_bar, end_icon, write_text
+from .steps import Panel, draw_bar, end_icon, write_text
 
 LONGEST = 120
 """Most characters of how a job ended in the status bar; the panel has all of them."""

@@ -13,14 +13,9 @@ from frametwin.blender.scene import visibility
 from frametwin.errors import FrameTwinError
 
 from . import session
+from .layouts import CHARACTER, ICON, buttons, room
 from .text import wrapped
-from .translations import CONTEXT
-
-BUTTON = 24
-"""Width of a button besides its text, as well."""
-
-CHARACTER = 6.6
-"""Width of a character of a label in pixels, at a resolution scale of 1; labels that are wrapped by it fit."""
+from .translations import CONTEXT, translated
 
 
 class Step:
@@ -130,12 +125,15 @@ def is_free(cls: type[Any]) -> bool:
 def write_text(
     layout: bpy.types.UILayout, text: str, context: bpy.types.Context, icon: str = "NONE", beside: float = 0.0
 ) -> None:
-    """A text on as many lines as the sidebar needs; ``beside`` is what else stands in the row, in pixels."""
-    scale = context.preferences.system.ui_scale
-    width = (context.region.width if context.region else 260) / scale - (60 if icon != "NONE" else 36) - beside
+    """A text on as many lines as the sidebar needs; ``beside`` is what else stands in the row, in pixels.
+
+    A sentence that the catalogue has is translated before it is cut into lines.
+    """
+    text = translated(text)
+    width = room(context) - (ICON if icon != "NONE" else 0) - beside
     column = layout.column(align=True)
     column.scale_y = 0.75
-    for i, line in enumerate(wrapped(text, max(12, int(width / CHARACTER)))):
+    for i, line in enumerate(wrapped(text, max(8, int(width / CHARACTER)))):
         column.label(text=line, icon=icon if i == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
@@ -167,10 +165,7 @@ def draw_eye(
 def draw_shown(layout: bpy.types.UILayout, *objects: tuple[str, bpy.types.Object | None]) -> None:
     """A button for each object that shows or hides it: one below the other where they would be cut off beside."""
     there = [(name, obj) for name, obj in objects if obj is not None]
-    scale, region = bpy.context.preferences.system.ui_scale, bpy.context.region
-    width = (region.width if region else 260) / scale - 36
-    fits = all(len(name) * CHARACTER + BUTTON < width / len(there) for name, _ in there)
-    row = layout.row(align=True) if fits else layout.column(align=True)
+    row = buttons(layout, bpy.context, *(name for name, _ in there)) if there else layout
     row.use_property_split = False
     for name, obj in there:
         draw_eye(row, obj, name)

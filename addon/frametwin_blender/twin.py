@@ -23,10 +23,11 @@ from frametwin.errors import InputError
 from frametwin.twin.verdict import GOOD, Verdict
 
 from .display_inputs import draw_input
+from .file_formats import FORMATS, UNIT_ITEMS, FrameExport
 from .in_view import show_twin
+from .layouts import buttons, is_narrow
 from .steps import (
     Panel,
-    SaveStep,
     Step,
     draw_chosen,
     draw_shown,
@@ -37,6 +38,7 @@ from .steps import (
     twin_of,
     write_text,
 )
+from .translations import translated
 from .views import see
 
 REASONS = 3
@@ -167,7 +169,7 @@ class FRAMETWIN_OT_leave_struts(_TwinStep, bpy.types.Operator):
         see(context, places_of(context, shown))
 
 
-class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
+class FRAMETWIN_OT_export_twin(FrameExport, _TwinStep, bpy.types.Operator):
     """Write the twin: a frame file (.json), lines (.obj), or a table of every strut's values (.csv)"""
 
     bl_idname = "frametwin.export_twin"
@@ -177,13 +179,15 @@ class FRAMETWIN_OT_export_twin(SaveStep, _TwinStep, bpy.types.Operator):
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     filter_glob: bpy.props.StringProperty(default="*.json;*.obj;*.csv", options={"HIDDEN"})  # type: ignore[valid-type]
     check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
+    format: bpy.props.EnumProperty(name="Format", items=FORMATS)  # type: ignore[valid-type]
+    unit: bpy.props.EnumProperty(name="Unit", description="Of the lines", items=UNIT_ITEMS)  # type: ignore[valid-type]
 
     def default_name(self, context: bpy.types.Context) -> str:
         return twin_of(context).name
 
     def act(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))
-        export_twin(find_twin(twin_of(context)), path)
+        export_twin(find_twin(twin_of(context)), path, self.unit)
         return f"Wrote {path}"
 
 
@@ -281,7 +285,7 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
             rows = (("Mean", numbers.mean), ("95th percentile", numbers.p95), ("Highest", numbers.max))
         box = layout.box().column(align=True)
         for name, value in rows:
-            row = box.row()
+            row = box.column() if is_narrow(bpy.context) else box.row()
             row.label(text=name)
             figure = row.row()
             figure.alignment = "RIGHT"
@@ -293,15 +297,16 @@ class FRAMETWIN_PT_twin(Panel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("frametwin.step_strut", text="", icon="TRIA_LEFT").step = -1
         row.operator("frametwin.select_struts", text="Worst").kind = "worst"
-        row.prop(view, "count", text="")
+        (layout if is_narrow(bpy.context) else row).prop(view, "count", text="")
         row.operator("frametwin.step_strut", text="", icon="TRIA_RIGHT").step = 1
         if view.at_words:
             layout.label(text=view.at_words)
-        row = layout.row(align=True)
-        for kind, count in counts.items():
+        texts = {kind: f"{count} {translated(kind)}" for kind, count in counts.items()}
+        row = buttons(layout, bpy.context, *texts.values())
+        for kind, text in texts.items():
             sub = row.row(align=True)
-            sub.enabled = count > 0
-            sub.operator("frametwin.select_struts", text=f"{count} {kind}").kind = kind
+            sub.enabled = counts[kind] > 0
+            sub.operator("frametwin.select_struts", text=text).kind = kind
         layout.operator("frametwin.leave_struts", text="Whole Twin", icon="OBJECT_DATAMODE")
 
     def _draw_objects(

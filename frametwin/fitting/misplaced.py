@@ -67,6 +67,8 @@ def _joints_moved(plan: Problem, problem: Problem, state: State, torn: Torn) -> 
     """Move joints to the ends that were taken for torn off them, or those ends back, where that explains more."""
     apart = np.linalg.norm(state.pose.joints[torn.planned :, :3] - state.pose.joints[torn.joints, :3], axis=1)
     furthest = torn.joints[np.argsort(-apart, kind="stable")]
+    if len(furthest):
+        state = _settled(problem, state)  # as all that is tried will be
     for joint in list(dict.fromkeys(furthest.tolist()))[:SINGLY]:
         fewer = torn.only(torn.joints != joint)
         trial = separated(plan, fewer)

@@ -89,7 +89,7 @@ def strut_whiteness(drawn: Rods, level: Level) -> np.ndarray:
 def outline_misfit(drawn: Rods, level: Level) -> np.ndarray:
     """(E,) radii by which outlines in the pictures seem to be off each strut's own.
 
-    A strut of the apparent radius r and length L that lies d beside its place covers d L dark pixels along one side, and
+    A strut of apparent radius r and length L that lies d beside its place covers d L dark pixels along one side, and
     leaves as many white ones along the other. Of each its soft rim counts about a half, in plain view of 2 r L.
     """
     through = rods.transmittance(drawn, level)

@@ -39,6 +39,10 @@ LIKELY, CERTAIN = 1.0, 4.0
 WHITE = 0.85
 """Share of a strut's pixels that must be white for its end to be believed."""
 
+BESIDE, APART = 0.25, 3.0
+"""Radii by which outlines may be off a strut's own, or how many times more than those of the typical strut, for its end
+to be believed: a strut that bowed otherwise than its curve can is drawn nearer by an end that is free."""
+
 STRETCH = 0.1
 """Share of its length by which a torn strut may be longer or shorter than planned: plastic breaks, it does not
 stretch. A strut of which a part is missing would be shortened."""
@@ -239,7 +243,9 @@ def _apart(problem: Problem, state: State, torn: Torn, stage: Stage, least: tupl
     pairs = np.stack([torn.planned + np.arange(len(strut)), torn.joints], axis=1)
     loose = covariance_between(problem.elastic, terms_of(problem, state, stage), stage.pull, pairs)
     rise = 0.5 * np.einsum("ti,ti->t", gap, np.linalg.solve(loose, gap[:, :, None])[:, :, 0])
-    white = presence.strut_whiteness(rods, level_of(problem, state, stage))[strut]
+    level = level_of(problem, state, stage)
+    white = presence.strut_whiteness(rods, level)[strut]
+    off = presence.outline_misfit(rods, level)
     length = bezier.arc_length(rods.control_points[strut])
     planned = bezier.arc_length(problem.frame.control_points[strut])
     radius = state.pose.radius[strut]
@@ -247,5 +253,6 @@ def _apart(problem: Problem, state: State, torn: Torn, stage: Stage, least: tupl
         (np.linalg.norm(gap, axis=1) > least[0] * radius)
         & (rise > least[1] * _scale(problem, stage))
         & (white > WHITE)
+        & (off[strut] < max(BESIDE, APART * float(np.median(off))))
         & (np.abs(length - planned) < np.maximum(STRETCH * planned, radius))
     )

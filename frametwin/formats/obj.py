@@ -146,10 +146,10 @@ def _face_edges(faces: list[tuple[int, list[int]]], merged: np.ndarray) -> list[
     return [list(key) for key in seen]
 
 
-def write(path: PathLike, frame: Wireframe) -> None:
+def write(path: PathLike, frame: Wireframe, unit: str = "mm") -> None:
     """Write the struts as ``l`` lines: two vertices for a straight strut, a polyline for a curved one.
 
-    Radius, print state and batches have no place in this format.
+    Radius, print state and batches have no place in this format. ``unit`` is what a comment calls the frame's lengths.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def write(path: PathLike, frame: Wireframe) -> None:
         If the file cannot be written.
     """
     words = frame.name.replace("\\", " ").split()  # of one line: readers take a last backslash for a line that goes on
-    lines = [f"# {' '.join(words)}: {frame.strut_count} struts, mm, z up", f"o {'_'.join(words) or 'frame'}"]
+    lines = [f"# {' '.join(words)}: {frame.strut_count} struts, {unit}, z up", f"o {'_'.join(words) or 'frame'}"]
     lines += [_vertex_line(point) for point in frame.vertices]
     count = frame.vertex_count
     u = np.linspace(0.0, 1.0, CURVE_SEGMENTS + 1)[1:-1]

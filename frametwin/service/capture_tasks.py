@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from frametwin.errors import InputError
 from frametwin.files import staged_directory
 from frametwin.imaging.encoding import jpeg
 from frametwin.imaging.mask_page import QUALITY, figures_of, seen_views
-from frametwin.imaging.view_masks import LEAST_VIEWS, read_view_masks
+from frametwin.imaging.view_masks import LEAST_VIEWS, Method, read_view_masks
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.service.tasks import frame_of
 from frametwin.twin.runs import require_free
@@ -80,7 +80,13 @@ def make_capture(
     return {"out": out, "views": len(found.cameras) - len(missing), "missing": list(missing)}
 
 
-def show_masks(capture: Path, out: Path, progress: ProgressCallback | None = None) -> dict[str, Any]:
+def show_masks(
+    capture: Path,
+    out: Path,
+    mask: str = "auto",
+    ignore: Path | None = None,
+    progress: ProgressCallback | None = None,
+) -> dict[str, Any]:
     """Draw what is taken for print over each picture of a capture; the job ``masks``.
 
     Parameters
@@ -89,6 +95,8 @@ def show_masks(capture: Path, out: Path, progress: ProgressCallback | None = Non
         Its folder.
     out
         A new folder: ``mask/NAME.jpg``, each as the camera without its distortion sees it, print tinted and outlined.
+    mask, ignore
+        ``method`` and ``ignore`` of `frametwin.imaging.view_masks.read_view_masks`.
 
     Returns
     -------
@@ -98,18 +106,18 @@ def show_masks(capture: Path, out: Path, progress: ProgressCallback | None = Non
     Raises
     ------
     InputError
-        If the capture cannot be read.
+        If the capture cannot be read, ``mask`` is unknown, or ``ignore`` holds no picture for any view.
     """
     content = read_capture(capture)
-    masks = read_view_masks(content, require=False, progress=progress)
+    masks = read_view_masks(content, cast(Method, mask), ignore=ignore, require=False, progress=progress)
     told = []
     with staged_directory(out, False) as stage:
         (stage / MASK).mkdir()
-        for i, (view, mask) in enumerate(zip(content.views, masks, strict=True)):
-            (seen,) = seen_views(replace(content, views=(view,)), [mask])
+        for i, (view, found) in enumerate(zip(content.views, masks, strict=True)):
+            (seen,) = seen_views(replace(content, views=(view,)), [found])
             name = view.image.path.stem
             (stage / MASK / f"{name}.jpg").write_bytes(jpeg(_reduced(seen.picture)[..., ::-1], QUALITY))
-            told.append({"name": name, "used": mask.used, "figures": figures_of(mask)})
+            told.append({"name": name, "used": found.used, "figures": figures_of(found)})
             report(progress, Progress("drawing masks", i + 1, len(masks)))
     return {"out": out, "views": told, "needed": min(LEAST_VIEWS, len(masks))}
 

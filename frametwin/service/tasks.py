@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -14,7 +14,11 @@ from frametwin.geometry.displacement import largest_displacement
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 from frametwin.twin.blending import blend
+from frametwin.twin.handing_over import handed_over
 from frametwin.twin.runs import fit_summary, load_run, read_truth, require_free
+
+if TYPE_CHECKING:
+    from frametwin.imaging.view_masks import Method
 
 
 def simulate(
@@ -79,7 +83,10 @@ def fit(
     seed: int = 0,
     changes: dict[str, Any] | None = None,
     warm_start: Path | None = None,
+    mask: str = "auto",
+    ignore: Path | None = None,
     overwrite: bool = False,
+    hand_over: bool = False,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
     """Find the twin of a capture and write a run folder.
@@ -88,17 +95,20 @@ def fit(
     ----------
     capture, out
         The folders.
-    preset, seed, changes, warm_start
+    preset, seed, changes, warm_start, mask, ignore
         As in `frametwin.fitting.api.fit_capture`.
     overwrite
         Whether a run in ``out`` may be replaced.
+    hand_over
+        Whether the answer also holds the twin; see `frametwin.twin.handing_over`.
     progress
         See `ProgressCallback`.
 
     Returns
     -------
     ``out``, ``preset``, ``views``, ``frame``, ``struts``, ``printed``, ``missing`` and ``uncertain`` struts, ``loss``,
-    ``seconds`` and ``timing``: what ``frametwin fit --json`` prints. The twin itself is read from the folder.
+    ``seconds`` and ``timing``: what ``frametwin fit --json`` prints. The twin itself is read from the folder, or is
+    under ``run``.
     """
     from frametwin.capture.capture import read_capture
     from frametwin.fitting.api import fit_capture, settings_of, write_run
@@ -108,9 +118,22 @@ def fit(
     checked = convert_fields(kind, changes or {}, "changes", without=("preset", "seed"))
     settings_of(preset, seed, checked)
     views = read_capture(capture)
-    result = fit_capture(views, preset, seed=seed, changes=checked, warm_start=warm_start, callback=progress)
+    result = fit_capture(
+        views,
+        preset,
+        seed=seed,
+        changes=checked,
+        warm_start=warm_start,
+        mask=cast("Method", mask),
+        ignore=ignore,
+        callback=progress,
+    )
     write_run(out, result, views, overwrite=overwrite)
-    return {"out": out, "preset": preset, "views": len(views.views), **fit_summary(result.twin, views.frame)}
+    told = {"out": out, "preset": preset, "views": len(views.views), **fit_summary(result.twin, views.frame)}
+    if hand_over:
+        truth = None if views.truth is None else read_truth(capture, views.frame)
+        told["run"] = handed_over(result.twin, views.frame, truth)
+    return told
 
 
 def evaluate(run: Path, truth: Path) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from frametwin.files import staged_directory
 from frametwin.fitting.camera_corrections import as_found
 from frametwin.imaging.comparison import difference, outline
 from frametwin.imaging.encoding import png_with_alpha
-from frametwin.imaging.view_masks import read_view_masks
+from frametwin.imaging.view_masks import Method, read_view_masks
 from frametwin.progress import ProgressCallback
 from frametwin.raster.silhouette import silhouettes
 from frametwin.twin.runs import load_run
@@ -23,7 +23,14 @@ THERE = 0.5
 """Opacity from which on a part of a strut is drawn."""
 
 
-def compare(capture: Path, run: Path, out: Path, progress: ProgressCallback | None = None) -> dict[str, Any]:
+def compare(
+    capture: Path,
+    run: Path,
+    out: Path,
+    mask: str = "auto",
+    ignore: Path | None = None,
+    progress: ProgressCallback | None = None,
+) -> dict[str, Any]:
     """Draw each view's outline of the print, and where print and twin differ; the job ``compare``.
 
     Parameters
@@ -32,6 +39,8 @@ def compare(capture: Path, run: Path, out: Path, progress: ProgressCallback | No
         The folders. The twin is drawn by the cameras as the fit found them.
     out
         A new folder: ``outline/NAME.png`` and ``difference/NAME.png``, clear where there is nothing.
+    mask, ignore
+        ``method`` and ``ignore`` of `frametwin.imaging.view_masks.read_view_masks`.
     progress
         See `ProgressCallback`.
 
@@ -49,7 +58,7 @@ def compare(capture: Path, run: Path, out: Path, progress: ProgressCallback | No
     twin, frame = load_run(run)
     if frame.strut_count != content.frame.strut_count or not np.array_equal(frame.edges, content.frame.edges):
         raise InputError.at(run, "frame.json", f"is not the frame of {capture}", "give the capture of the run")
-    masks = read_view_masks(content, require=False, progress=progress)
+    masks = read_view_masks(content, cast(Method, mask), ignore=ignore, require=False, progress=progress)
     cameras = as_found([view.camera.without_distortion() for view in content.views], twin.cameras)
     thickness = np.where(twin.opacity >= THERE, twin.thickness, 0.0)
     drawn = silhouettes(twin.as_wireframe(frame), cameras, thickness=thickness, progress=progress)
@@ -57,10 +66,10 @@ def compare(capture: Path, run: Path, out: Path, progress: ProgressCallback | No
     with staged_directory(out, False) as stage:
         for kind in (OUTLINE, DIFFERENCE):
             (stage / kind).mkdir()
-        for view, mask, silhouette in zip(content.views, masks, drawn, strict=True):
+        for view, found, silhouette in zip(content.views, masks, drawn, strict=True):
             name = view.image.path.stem
-            picture, shares = difference(mask.coverage, silhouette)
-            (stage / OUTLINE / f"{name}.png").write_bytes(png_with_alpha(outline(mask.coverage)))
+            picture, shares = difference(found.coverage, silhouette)
+            (stage / OUTLINE / f"{name}.png").write_bytes(png_with_alpha(outline(found.coverage)))
             (stage / DIFFERENCE / f"{name}.png").write_bytes(png_with_alpha(picture))
             told.append({"name": name, "left_out": shares.left_out, "beyond": shares.beyond})
     return {"out": out, "views": told}

@@ -200,6 +200,7 @@ def test_every_translated_word_is_one_that_the_tab_shows(tab: Any) -> None:
     folder = Path(translations.__file__).parent
     code = "\n".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "translations.py")
     names = {quantity.name for quantity in QUANTITIES.values()}  # of what the colours show
+    names |= {bpy.path.display_name(str(path), title_case=False) for path in folder.glob("presets/frametwin/*/*.py")}
     names |= {look.words for look in LOOKS.values()} | {"missing", "no value"}  # and of what else the legend names
     assert not [word for word in translations.WORDS if f'"{word}"' not in code and word not in names]
     for language in translations.catalogue().values():

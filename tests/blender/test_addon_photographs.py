@@ -214,6 +214,73 @@ def test_masks_lie_over_the_views_and_spoilt_ones_are_named(lab: Any, tmp_path: 
     assert "nowhere" in cases.refused(ops.show_masks)
 
 
+def test_masks_leave_out_what_the_panel_says(lab: Any, tmp_path: Path) -> None:
+    capture_from_rig(
+        read_rig(tmp_path / "workshop"), tmp_path / "shots", FRAME, tmp_path / "capture", base=standing_at(BASE)
+    )
+    lab.fit.capture, lab.fit.ignore = str(tmp_path / "capture"), str(tmp_path / "arm")
+    (tmp_path / "arm").mkdir()
+    ops.show_masks()
+    assert "arm" in cases.pump_until_done() and cases.addon("session").runner.status.error
+    cv2.imwrite(str(tmp_path / "arm" / "camera_04.png"), np.full((120, 160), 255, dtype=np.uint8))
+    ops.show_masks()
+    cases.pump_until_done()
+    tinted = {}
+    for camera in lab.rig.objects:
+        pixels = np.array(camera.data.background_images[0].image.pixels[:]).reshape(-1, 4)
+        tinted[camera.name] = bool((pixels[:, 0] - pixels[:, 2] > 0.2).any())
+    assert [name for name, seen in tinted.items() if not seen] == ["camera_04"]
+
+
+def test_a_fit_is_asked_for_what_the_panel_says_of_photographs(lab: Any, tmp_path: Path) -> None:
+    capture_from_rig(
+        read_rig(tmp_path / "workshop"), tmp_path / "shots", FRAME, tmp_path / "capture", base=standing_at(BASE)
+    )
+    lab.fit.capture = str(tmp_path / "capture")
+    asked = cases.addon("fit").fit_job(bpy.context).parameters
+    assert (asked["mask"], asked["changes"], "ignore" in asked) == ("auto", {}, False)
+    lab.fit.mask, lab.fit.ignore, lab.fit.cameras, lab.fit.anchor = "paper", str(tmp_path / "shots"), "exact", "feet"
+    asked = cases.addon("fit").fit_job(bpy.context).parameters
+    assert (asked["mask"], asked["ignore"]) == ("paper", tmp_path / "shots")
+    assert asked["changes"] == {"cameras": "exact", "hold": "feet"}  # as the command line does
+    for job in (
+        cases.addon("masks").masks_job(bpy.context),
+        cases.addon("overlay").compare_job(bpy.context, "outline"),
+    ):
+        assert (job.parameters["mask"], job.parameters["ignore"]) == ("paper", tmp_path / "shots")
+        job.clear()
+    lab.fit.anchor = "plate"
+    assert "markers" in cases.refused(ops.fit)
+    lab.fit.preset = "paper"
+    assert cases.addon("fit").camera_changes(bpy.context, read_capture(tmp_path / "capture")) == {}
+
+
+def test_the_paper_rule_loses_what_is_in_the_shade(lab: Any, tmp_path: Path) -> None:
+    lit = [obj for obj in (tmp_path / "shots").glob("*.png")]
+    for path in lit:  # photographs: matte struts before blue, dark below the middle
+        mask = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) > 127
+        (tmp_path / "before" / path.name).unlink()
+        empty = np.full((*mask.shape, 3), (120, 60, 30), dtype=np.uint8)
+        cv2.imwrite(str(tmp_path / "before" / path.name), empty)
+        shade = np.where(np.arange(mask.shape[0]) < mask.shape[0] // 2, 210, 90)[:, None, None]
+        cv2.imwrite(str(path), np.where(mask[..., None], shade, empty).astype(np.uint8))
+    made = tmp_path / "capture"
+    capture_from_rig(
+        read_rig(tmp_path / "workshop"), tmp_path / "shots", FRAME, made,
+        base=standing_at(BASE), background=tmp_path / "before",
+    )  # fmt: skip
+    lab.fit.capture = str(made)
+    shares = {}
+    for mask in ("auto", "paper"):
+        lab.fit.mask = mask
+        ops.show_masks()
+        cases.pump_until_done()
+        image = lab.rig.objects[0].data.background_images[0].image
+        pixels = np.array(image.pixels[:]).reshape(120, 160, 4)[:60, :, :3]  # below the middle
+        shares[mask] = float(((pixels[..., 0] - pixels[..., 2]) > 0.15).mean())
+    assert shares["auto"] > 0.02 and shares["paper"] < 0.2 * shares["auto"], shares
+
+
 def test_too_few_views_are_told(extension: str) -> None:
     views = [{"name": f"cam_{i}", "used": i < 5, "figures": "not used: shows nothing"} for i in range(8)]
     words = cases.addon("masks").words_of({"views": views, "needed": 6})
@@ -231,7 +298,7 @@ def test_the_reasons_of_a_verdict_are_read_in_the_sidebar(lab: Any) -> None:
     whole = " ".join(line for line in lines.texts if line)
     assert f"{touched[0].upper()}{touched[1:]}." in whole and f"{seen[0].upper()}{seen[1:]}." in whole
     assert whole.endswith("2 more in twin.json of the run.")
-    assert max(len(line) for line in lines.texts) * cases.addon("steps").CHARACTER < 260
+    assert max(len(line) for line in lines.texts) * cases.addon("layouts").CHARACTER < 260
 
 
 def test_the_panel_leads_from_the_rig_to_the_masks(lab: Any, tmp_path: Path) -> None:
@@ -239,7 +306,9 @@ def test_the_panel_leads_from_the_rig_to_the_masks(lab: Any, tmp_path: Path) -> 
 
     def drawn() -> Lines:
         lines = Lines()
-        owner = SimpleNamespace(layout=lines, _draw_pictures=lambda *given: panel._draw_pictures(None, *given))
+        owner = SimpleNamespace(layout=lines)
+        owner._draw_pictures = lambda *given: panel._draw_pictures(owner, *given)
+        owner._draw_masks = lambda *given: panel._draw_masks(owner, *given)
         panel.draw(owner, sidebar())
         return lines
 

@@ -25,6 +25,9 @@ from frametwin.worker.client import ENDED, WorkerClient, error_of
 EVENTS = 20
 """Most events that are looked at in one call of `Runner.pump`."""
 
+TURN_SECONDS = 0.004
+"""After which `Runner.pump` begins no other step; the last one may take as long again."""
+
 GRACE = 0.4
 """Seconds in which a job may stop by itself when it is cancelled; then its process is killed."""
 
@@ -112,6 +115,11 @@ class Runner:
         return self._job is not None
 
     @property
+    def finishing(self) -> bool:
+        """Whether the result is being put into the scene, step by step."""
+        return self._steps is not None
+
+    @property
     def cancelling(self) -> bool:
         """Whether the job was asked to stop and has not yet."""
         return self._deadline is not None
@@ -167,7 +175,7 @@ class Runner:
 
     # --- The pump
 
-    def pump(self, seconds: float = 0.008) -> bool:
+    def pump(self, seconds: float = TURN_SECONDS) -> bool:
         """Take over what has come, in the main thread, for at most about ``seconds``; whether a job is under way."""
         if self._job is None:
             return False

@@ -41,6 +41,9 @@ NAME = "FrameTwin Display"
 VERSION = 1
 COLOUR = "colour"
 
+_Building = Generator[None, None, bpy.types.NodeSocket]
+"""Some nodes, made in steps of a few milliseconds: each link that is made costs more, the more there are."""
+
 DASH = 10
 """Dashes on a strut that is missing all along."""
 
@@ -81,28 +84,29 @@ def _build(group: bpy.types.NodeTree) -> Generator[None, None, None]:
     add_interface(group)
     graph = NodeGraph(group)
     given = graph.node("NodeGroupInput").outputs
-    kept = _without_later_batches(graph, given)
     yield
-    exaggerated = _exaggerated(graph, given, kept)
-    yield
+    kept = yield from _without_later_batches_steps(graph, given)
+    exaggerated = yield from _exaggerated_steps(graph, given, kept)
     coloured = yield from _coloured_steps(graph, given, exaggerated)
-    radius = _scale(graph, given)
-    yield
+    radius = yield from _scale_steps(graph, given)
     broken = graph.node("GeometryNodeSeparateGeometry", {0: coloured, 1: graph.attribute("missing")}, domain="CURVE")
     whole = _tubes(graph, broken.outputs[1], radius, given)
     yield
     parts = _tubes(graph, broken.outputs[0], radius, given)
     yield
-    parts = graph.switch("GEOMETRY", given[DASHES], parts, _dashed(graph, parts))
-    yield
-    ghost = _ghost(graph, given, kept)
-    yield
+    dashed = yield from _dashed_steps(graph, parts)
+    parts = graph.switch("GEOMETRY", given[DASHES], parts, dashed)
+    ghost = yield from _ghost_steps(graph, given, kept)
     shown = graph.switch("GEOMETRY", given[GHOST], None, ghost)
-    drawn = _joined(graph, [_carrier(graph, given), whole, parts, shown])
+    yield
+    carrier = _carrier(graph, given)
+    yield
+    drawn = _joined(graph, [carrier, whole, parts, shown])
     yield
     smooth = graph.node("GeometryNodeSetShadeSmooth", {0: drawn})
     drawn = graph.node("GeometryNodeSetMaterial", {"Geometry": smooth, "Material": display_material()})
     graph.node("NodeGroupOutput", {"Geometry": drawn})
+    yield
     set_menu(group)
 
 
@@ -131,36 +135,42 @@ def remove_unused_display() -> None:
     bpy.data.batch_remove([mesh for mesh in bpy.data.meshes if KEY in mesh and not mesh.users])
 
 
-def _without_later_batches(graph: NodeGraph, given: Any) -> bpy.types.NodeSocket:
+def _without_later_batches_steps(graph: NodeGraph, given: Any) -> _Building:
     frame = graph.node("GeometryNodeInputSceneTime").outputs["Frame"]
     past = graph.math("FLOOR", graph.math("DIVIDE", graph.math("SUBTRACT", frame, given[START]), given[STEP]))
     last = graph.switch("FLOAT", given[BY_TIME], given[BATCH], past)
+    yield
     later = graph.math("GREATER_THAN", graph.attribute("batch"), last)
     inputs = {"Geometry": given["Geometry"], "Selection": later}
     fewer = first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="CURVE"))
     all_of_it = graph.math("LESS_THAN", last, -0.5)
-    return graph.switch("GEOMETRY", all_of_it, fewer, given["Geometry"])
+    kept = graph.switch("GEOMETRY", all_of_it, fewer, given["Geometry"])
+    yield
+    return kept
 
 
-def _exaggerated(graph: NodeGraph, given: Any, curves: Any) -> bpy.types.NodeSocket:
+def _exaggerated_steps(graph: NodeGraph, given: Any, curves: Any) -> _Building:
     factor = graph.math("SUBTRACT", given[EXAGGERATION], 1.0)
     more = graph.math("GREATER_THAN", factor, 0.0)
-    return graph.switch("GEOMETRY", more, curves, _moved(graph, curves, factor))
+    moved = yield from _moved_steps(graph, curves, factor)
+    return graph.switch("GEOMETRY", more, curves, moved)
 
 
-def _moved(graph: NodeGraph, curves: Any, factor: Any) -> bpy.types.NodeSocket:
+def _moved_steps(graph: NodeGraph, curves: Any, factor: Any) -> _Building:
     """Curves with points and handles moved on by a multiple of their displacement."""
     points = graph.node(
         "GeometryNodeSetPosition",
         {"Geometry": curves, "Offset": graph.vector_math("SCALE", graph.attribute("displacement", _VECTOR), factor)},
     )
     moved = first_output(points)
+    yield
     for side in ("left", "right"):
         difference = graph.vector_math(
             "SUBTRACT", graph.attribute(f"displacement_{side}", _VECTOR), graph.attribute("displacement", _VECTOR)
         )
         inputs = {"Curve": moved, "Offset": graph.vector_math("SCALE", difference, factor)}
         moved = first_output(graph.node("GeometryNodeSetCurveHandlePositions", inputs, mode=side.upper()))
+        yield
     return moved
 
 
@@ -177,7 +187,7 @@ def _as_drawn(graph: NodeGraph, curves: Any) -> bpy.types.NodeSocket:
     return first_output(node)
 
 
-def _coloured_steps(graph: NodeGraph, given: Any, curves: Any) -> Generator[None, None, bpy.types.NodeSocket]:
+def _coloured_steps(graph: NodeGraph, given: Any, curves: Any) -> _Building:
     """The points at which curves are drawn, with their colours."""
     value = graph.math("MULTIPLY", graph.attribute(given[ATTRIBUTE]), given[UNIT])
     share = graph.math(
@@ -209,7 +219,7 @@ def _coloured_steps(graph: NodeGraph, given: Any, curves: Any) -> Generator[None
     return first_output(stored)
 
 
-def _ramp_steps(graph: NodeGraph, share: Any, name: str) -> Generator[None, None, bpy.types.NodeSocket]:
+def _ramp_steps(graph: NodeGraph, share: Any, name: str) -> _Building:
     node = graph.node("ShaderNodeValToRGB", {0: share})
     colours = colour_map(name)
     elements = node.color_ramp.elements
@@ -217,16 +227,18 @@ def _ramp_steps(graph: NodeGraph, share: Any, name: str) -> Generator[None, None
         place = i / (len(colours) - 1)
         element = elements[0] if i == 0 else elements[-1] if i == len(colours) - 1 else elements.new(place)
         element.position, element.color = place, (*colour, 1.0)
-        if i % 8 == 7:
+        if i % 4 == 3:
             yield
     return first_output(node)
 
 
-def _scale(graph: NodeGraph, given: Any) -> bpy.types.NodeSocket:
+def _scale_steps(graph: NodeGraph, given: Any) -> _Building:
     """The radius of the struts as drawn."""
     share = graph.pick("FLOAT", graph.attribute("state", "INT"), [LOOKS[kind].radius for kind in State])
+    yield
     stands_out = graph.switch("FLOAT", graph.attribute(HIGHLIGHTED, "BOOLEAN"), 0.2, 1.2)
     share = graph.math("MULTIPLY", share, graph.switch("FLOAT", given[HIGHLIGHT], 1.0, stands_out))
+    yield
     return graph.math("MULTIPLY", share, graph.attribute("radius"))
 
 
@@ -236,26 +248,32 @@ def _tubes(graph: NodeGraph, curves: Any, radius: Any, given: Any) -> bpy.types.
     return first_output(graph.node("GeometryNodeCurveToMesh", inputs))
 
 
-def _dashed(graph: NodeGraph, tubes: Any) -> bpy.types.NodeSocket:
+def _dashed_steps(graph: NodeGraph, tubes: Any) -> _Building:
     """Tubes without every other piece of what is missing."""
     place = graph.math("FRACT", graph.math("MULTIPLY", graph.attribute("parameter"), float(DASH)))
     gap = graph.math("GREATER_THAN", place, 0.5)
+    yield
     gone = graph.math("MULTIPLY", gap, graph.attribute("missing"))
     inputs = {"Geometry": tubes, "Selection": graph.math("GREATER_THAN", gone, 0.5)}
-    return first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="FACE"))
+    left = first_output(graph.node("GeometryNodeDeleteGeometry", inputs, domain="FACE"))
+    yield
+    return left
 
 
-def _ghost(graph: NodeGraph, given: Any, curves: Any) -> bpy.types.NodeSocket:
+def _ghost_steps(graph: NodeGraph, given: Any, curves: Any) -> _Building:
     look = LOOKS[State.PLAN]
+    planned = yield from _moved_steps(graph, curves, -1.0)
     inputs = {
-        "Geometry": _as_drawn(graph, _moved(graph, curves, -1.0)),
+        "Geometry": _as_drawn(graph, planned),
         "Name": COLOUR,
         "Value": (*PLAN_COLOUR, 1.0),
     }
     coloured = graph.node("GeometryNodeStoreNamedAttribute", inputs, data_type="FLOAT_COLOR", domain="POINT")
+    yield
     circle = graph.node("GeometryNodeCurvePrimitiveCircle", {"Resolution": 3, "Radius": 1.0})
     share = graph.switch("FLOAT", given[HIGHLIGHT], look.radius, 0.4 * look.radius)
     radius = graph.math("MULTIPLY", graph.attribute("radius"), share)
+    yield
     inputs = {"Curve": coloured, "Profile Curve": circle, "Scale": radius, "Fill Caps": True}
     return first_output(graph.node("GeometryNodeCurveToMesh", inputs))
 

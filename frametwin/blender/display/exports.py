@@ -11,10 +11,14 @@ from frametwin.blender.display.twins import TwinObjects
 from frametwin.blender.frames.strut_curves import recorded_frame
 from frametwin.errors import InputError
 from frametwin.files import write_text
+from frametwin.formats import obj as obj_lines
 from frametwin.formats import write_frame
+from frametwin.formats.frame_json import UNITS
+from frametwin.formats.units import scaled
+from frametwin.geometry.wireframe import Wireframe
 
 
-def export_twin(shown: TwinObjects, path: Path) -> None:
+def export_twin(shown: TwinObjects, path: Path, unit: str = "mm") -> None:
     """Write a twin.
 
     Parameters
@@ -24,6 +28,8 @@ def export_twin(shown: TwinObjects, path: Path) -> None:
     path
         ``.json`` (a frame file) or ``.obj`` (lines) for the curves; ``.csv`` for a table with a row for every strut and
         a column for every quantity, empty where there is no value.
+    unit
+        Of lines, one of `frametwin.formats.frame_json.UNITS`; the other files are always in mm, and say so.
 
     Raises
     ------
@@ -33,7 +39,7 @@ def export_twin(shown: TwinObjects, path: Path) -> None:
     if path.suffix.lower() == ".csv":
         write_text(path, _table(shown))
     elif path.suffix.lower() in (".json", ".obj"):
-        write_frame(path, shown.frame())
+        _write(path, shown.frame(), unit)
     else:
         raise InputError.at(path, "file", "is of no kind that twins are written as", "name it .json, .obj or .csv")
 
@@ -50,12 +56,21 @@ def _table(shown: TwinObjects) -> str:
     return "\n".join(rows) + "\n"
 
 
-def export_struts(obj: bpy.types.Object, path: Path) -> None:
+def _write(path: Path, frame: Wireframe, unit: str) -> None:
+    if path.suffix.lower() == ".obj":
+        obj_lines.write(path, scaled(frame, 1.0 / UNITS[unit]), unit)
+    else:
+        write_frame(path, frame)
+
+
+def export_struts(obj: bpy.types.Object, path: Path, unit: str = "mm") -> None:
     """Write the struts that a Curves object was made to show as a frame file (``.json``) or as lines (``.obj``).
+
+    ``unit`` is that of lines; frame files are always in mm.
 
     Raises
     ------
     InputError
         If it has lost them, the suffix is another one, or the file cannot be written.
     """
-    write_frame(path, recorded_frame(obj))
+    _write(path, recorded_frame(obj), unit)

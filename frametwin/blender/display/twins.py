@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -24,6 +25,7 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.findings import missing_struts, uncertain_struts
+from frametwin.twin.handing_over import taken_over
 from frametwin.twin.runs import Truth, load_run, read_truth
 from frametwin.twin.twin import Twin
 from frametwin.twin.verdict import Verdict
@@ -113,6 +115,18 @@ class TwinContent:
         folder = Path(run_folder).absolute()
         twin, frame = load_run(folder)
         return cls.of(twin, frame, None if truth is None else read_truth(Path(truth), frame), str(folder))
+
+    @classmethod
+    def handed_over(cls, answer: Mapping[str, Any]) -> TwinContent:
+        """Take it from the answer of a fit that was asked to hand over its twin: quicker than reading the folder.
+
+        Raises
+        ------
+        InputError
+            If it is damaged.
+        """
+        twin, frame, truth = taken_over(answer["run"])
+        return cls.of(twin, frame, truth, str(answer["out"]))
 
 
 @dataclass(frozen=True)
@@ -214,6 +228,7 @@ def show_twin_steps(
         yield None
         yield from display_group_steps()
         add_display(obj, **{GHOST: frame.strut_count <= GHOSTS, SIDES: sides_for(frame.strut_count)})
+        yield None
         values = content.values[colours.quantity]
         legend = colour_struts(obj, values, colours.low, colours.high, colours.map_name)
         yield None
