@@ -132,6 +132,8 @@ class Bench:
             result.update(printed(frame, self.order(name, frame), way, seed, folder, material))
             if keep is not None:
                 found = sorted(folder.glob(f"batches/*/{MATERIAL}"))
+                if not found:
+                    sys.exit(f"{name}: the earlier print tells nothing of its material ({result['held']})")
                 shutil.copy(found[-1], keep)
         self.results.append(result)
         with self.file.open("a") as file:

@@ -161,6 +161,22 @@ def test_struts_that_broke_off_at_a_start(half: tuple[Wireframe, PrintSequence])
     assert doubt.kind == "lost-struts" and "12" in doubt.problem and "not in the pictures" in doubt.problem
 
 
+def test_struts_that_would_be_laid_below_the_plate(half: tuple[Wireframe, PrintSequence]) -> None:
+    frame, sequence = half
+    joint, other = (int(sequence.end_in(frame)[sequence.batch == 1][k]) for k in (0, 1))
+    assert guards.doubts_of_depth(frame, frame, sequence, 1) == []
+    at_plate, sunk = np.array(frame.vertices), np.array(frame.vertices)
+    at_plate[joint, 2] = 0.0
+    sunk[joint, 2], sunk[other, 2] = -9.0, -5.0
+    assert guards.doubts_of_depth(frame, frame.moved_to(at_plate), sequence, 1) == []
+    (doubt,) = guards.doubts_of_depth(frame, frame.moved_to(sunk), sequence, 1)
+    depth = frame.vertices[joint, 2] + 9.0
+    assert doubt.kind == "below-plate" and f"joint {joint} has sunk by {depth:.0f} mm" in doubt.problem
+    laid = sequence.in_batch(1).struts
+    for strut in laid[(frame.edges[laid] == joint).any(axis=1)]:
+        assert str(strut) in doubt.problem
+
+
 def test_struts_that_would_start_in_the_air(half: tuple[Wireframe, PrintSequence]) -> None:
     frame, sequence = half
     joint = int(frame.edges[12, 0])

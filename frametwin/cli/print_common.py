@@ -24,6 +24,7 @@ KINDS = (
     "displacement",
     "lost-struts",
     "low-confidence",
+    "below-plate",
     "contact",
 )
 """As `frametwin.printing.job.answer.ACCEPTABLE`, which takes seconds to import."""

@@ -99,7 +99,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     """
     check_output_folder(out, overwrite, "job.json")
     plan = load_frame(frame)
-    from frametwin.printing.job.plan_job import PlanOptions, plan_job
+    from frametwin.printing.job.plan_job import PlanOptions, guessed_outlook, plan_job
     from frametwin.printing.job.summaries import plan_summary
     from frametwin.printing.toolpath.ur_arms import ARMS
 
@@ -114,9 +114,10 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     options = PlanOptions(**split_nozzle(settings), **steered, base=base, waypoints=waypoints, reprint=reprint)
     with Display(quiet) as display:
         job = plan_job(out, plan, options, order=order, material=material, overwrite=overwrite, progress=display)
+        told = None if material is not None else guessed_outlook(job.design, job.sequence, display)
     data = plan_summary(job)
     if as_json:
-        print_json({"out": out, **data})
+        print_json({"out": out, **data, "outlook": None if told is None else told.as_dict()})
         return
     reach, arm = data["first"]["reach"], job.settings.robot.arm
     low, high = (", ".join(f"{value:.0f}" for value in corner) for corner in data["workspace"])
@@ -128,6 +129,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
             ("first batch", f"{data['first']['struts']} struts, {data['first']['seconds'] / 60.0:.0f} min of printing"),
             *([] if arm is None else [("reach", f"a {ARMS[arm].name} takes all waypoints of it ({reach})")]),
             *[("contact", sentence) for sentence in data["first"]["contacts"]],
+            *([] if told is None else [("forecast", told.sentence)]),
             ("waypoints", f"{job.batch_folder(0) / 'waypoints'}"),
             ("next", f"print them, take pictures, then: frametwin print next {out} --capture CAPTURE"),
         ],

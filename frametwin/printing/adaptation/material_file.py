@@ -20,7 +20,7 @@ NAME = "material.json"
 QUANTITIES = ("weight", "hardening", "rest", "axial")
 """As in `frametwin.printing.process.creep.CreepParameters`; hardening in s."""
 
-PRINT_TO_PRINT = 0.2
+PRINT_TO_PRINT = 0.3
 """By how much the logarithm of each differs from one print to the next of the same material (standard deviation):
 spools, moisture and rooms differ."""
 

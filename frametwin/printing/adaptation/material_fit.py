@@ -1,10 +1,12 @@
 """What a print tells of its material: creep, hardening and stiffness, fitted to twin after twin, with an error bar.
 
 An extended Kalman filter (A. Gelb, "Applied optimal estimation", MIT Press 1974, ch. 6): the state are the logarithms
-of what `CreepParameters` name, a lean of the whole print, and for each strut how fast it flows and how it is pulled
-sideways. A twin is a measurement of how far joints moved in a batch; its derivatives come from the factors of the
-batch's stiffness, by as many back substitutions as there are values seen. Struts that moved otherwise than expected
-are known to be softer, or pulled, from then on, and are expected to go on like that.
+of what `CreepParameters` name, a lean of the whole print, for each strut how fast it flows and how it is pulled
+sideways, where the joints are, and by how much all twins are shifted. A twin is a measurement of where joints are; how
+that depends on the material comes from the factors of the batch's stiffness, by as many back substitutions as there are
+values seen. As the joints are part of the state, a slow drift is told from what twins are off by, batch after batch in
+the same way, as soon as it has added up. Struts that moved otherwise than expected are known to be softer, or pulled,
+from then on, and are expected to go on like that.
 """
 
 from __future__ import annotations
@@ -13,18 +15,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from frametwin.printing.adaptation.state_rows import StateRows
 from frametwin.printing.process.creep import CreepModel, CreepParameters, CreepStep, PrintState
 
 GLOBAL = ("weight", "lean x", "lean y", "hardening", "rest", "axial")
 """What the first values of the state are: logarithms, but for the lean."""
 
-SEEN = 0.1
-"""Standard deviation in mm of how far a twin sees a joint move, along each axis, for each joint by itself."""
+SEEN = 0.07
+"""Standard deviation in mm of where a twin sees a joint, along each axis, from batch to batch."""
 
-SHARED_NEW, SHARED_OLD = 0.2, 0.08
-"""The same of what all joints have in common, for those that were new in the batch and for older ones. Cameras that are
-0.05 degrees and 0.3 mm off from where they were calibrated shift a small print as a whole by about 0.2 mm; from one
-batch to the next the shift hardly changes, but a joint that is new moved from where it was told to be."""
+SEEN_LATER = 0.05
+"""The same of how that changes from batch to batch: what stands beside a joint changes what misleads there."""
+
+LAID = 0.2
+"""The same of where a new joint is, and of what twins are off by there time after time: nozzles do not come exactly
+where they are told, and blobs at joints mislead by the same amount in every batch."""
+
+SHIFTED, WANDERING = 0.2, 0.03
+"""The same of what all joints have in common, and of how that changes from twin to twin. Cameras that are 0.05 degrees
+and 0.3 mm off from where they were calibrated shift a small print as a whole by about 0.2 mm."""
+
+MISSED = 0.15
+"""The same of a joint's movement in a batch: what twins themselves are off by is not held against a forecast."""
 
 MODEL_ERROR = 0.05
 """Standard deviation of what the model misses, as a share of the movement."""
@@ -38,6 +50,9 @@ MANY_STRUTS = 1200
 
 COARSE_ERROR = 0.15
 """`MODEL_ERROR` where they are not."""
+
+MOST_VARIANCE = 1.0
+"""Of the logarithm of the weight: while it is known to no better than a factor of e, nothing is aimed."""
 
 LARGEST_STEP = 2.0
 """Most by which the logarithm of the weight may change with one twin: the model is linear only nearby."""
@@ -102,8 +117,12 @@ class MaterialFit:
         How prints creep.
     values : (6 + 3 E,) or (6,) array
         See `GLOBAL`; then for each strut the logarithm of its speed, its pull along x, and along y.
+    shift : (3,) array, mm
+        By which twins are off everywhere.
+    points : (V, 3) array, mm
+        Where the joints are.
     covariance : array
-        Of the values.
+        Of the values, the shift, and the coordinates of the points, in this order.
     prints
         How many earlier prints stand behind them.
     skill : tuple of (missed, moved)
@@ -112,6 +131,8 @@ class MaterialFit:
 
     model: CreepModel
     values: np.ndarray
+    shift: np.ndarray
+    points: np.ndarray
     covariance: np.ndarray
     prints: int = 0
     skill: tuple[tuple[float, float], ...] = ()
@@ -123,7 +144,9 @@ class MaterialFit:
         struts = model.design.strut_count if model.design.strut_count <= MANY_STRUTS else 0
         values = np.concatenate([known.mean, np.zeros(3 * struts)])
         spread = [np.array(known.deviation), np.full(struts, STRUT_SPEED), np.full(2 * struts, STRUT_PULL)]
-        return cls(model, values, np.diag(np.concatenate(spread) ** 2), known.prints)
+        points = np.array(model.design.vertices)
+        spread += [np.full(3, SHIFTED), np.zeros(points.size)]
+        return cls(model, values, np.zeros(3), points, np.diag(np.concatenate(spread) ** 2), known.prints)
 
     @property
     def estimate(self) -> MaterialEstimate:
@@ -154,7 +177,7 @@ class MaterialFit:
         movements it explains. A print that does not move as the model has it is not printed against it.
         """
         variance = float(self.covariance[0, 0])
-        certain = float(np.exp(-variance)) if variance < 0.5 else 0.0
+        certain = float(np.exp(-variance)) if variance < MOST_VARIANCE else 0.0
         missed, moved = (sum(part) for part in zip(*self.skill, strict=True)) if self.skill else (0.0, 0.0)
         return certain * (float(np.clip(1.0 - missed / moved, 0.0, 1.0)) if moved > 0.0 else 1.0)
 
@@ -170,30 +193,71 @@ class MaterialFit:
         rounds
             Times that the model is made linear anew.
         """
-        joints = np.flatnonzero(record.known & ~self.model.design.grounded)
-        if len(joints) == 0:
+        there = record.state.there | self._ends(record.struts)
+        joints = np.flatnonzero(there & self._ends(record.standing) & ~self.model.design.grounded)
+        seen = record.known[joints]
+        if not len(joints):
             return self
-        seen = record.moved[joints].ravel()
-        error = MODEL_ERROR if len(self.values) > len(GLOBAL) else COARSE_ERROR
-        noise = np.diag(SEEN**2 + (error * seen) ** 2)
-        shared = np.where(record.state.there[joints], SHARED_OLD, SHARED_NEW)
-        noise += np.kron(np.outer(shared, shared), np.eye(3))
+        began = self._joined_by(record)
+        struts = np.union1d(np.flatnonzero(record.standing), record.struts)
+        place = StateRows.of(began.covariance, self._told_apart(struts), joints, began.points.size)
+        before = began.covariance[np.ix_(place.active, place.active)]
+        told = (record.state.points + record.moved)[joints][seen] - self.shift
         fit = self
         for _ in range(rounds):
             moved, slope = fit._measured(record, joints, parts)
-            across = self.covariance @ slope.T
-            inner = slope @ across + noise
-            left = seen - moved - slope @ (self.values - fit.values)
-            change = across @ np.linalg.solve(inner, left)
+            ahead = moved + slope @ (self.values - fit.values)
+            covariance = place.carried(before, slope[:, place.values], WANDERING**2, self._missed(moved))
+            left = told.ravel() - (began.points[joints].ravel() + ahead).reshape(-1, 3)[seen].ravel()
+            noise = place.doubted(covariance, left, np.repeat(seen, 3), SEEN**2)
+            change = place.change(covariance, left, np.repeat(seen, 3), noise)
             change[0] = np.clip(change[0], -LARGEST_STEP, LARGEST_STEP)
-            fit = replace(self, values=self.values + change)
-        covariance = self.covariance - across @ np.linalg.solve(inner, across.T)
-        missed = fit._measured(record, joints, parts, slopes=False)[0]
-        free = 3.0 * float(
-            np.sum(SEEN**2 + shared**2)
-        )  # what twins themselves are off by is not held against the forecast
-        skill = (max(0.0, float(np.sum((seen - missed) ** 2)) - free), float(np.sum(seen**2)))
-        return replace(fit, covariance=0.5 * (covariance + covariance.T), skill=(*self.skill, skill)[-3:])
+            fit = began._changed(place, change, ahead)
+        total = began.covariance.copy()
+        total[np.ix_(place.active, place.active)] = place.corrected(covariance, np.repeat(seen, 3), noise)
+        return replace(fit, covariance=total, skill=(*self.skill, fit._skill(record, joints[seen], parts))[-3:])
+
+    def _told_apart(self, struts: np.ndarray) -> np.ndarray:
+        """Rows of the values that struts depend on."""
+        own = np.arange(len(GLOBAL), len(self.values)).reshape(3, -1)
+        return np.concatenate([np.arange(len(GLOBAL)), own[:, struts].ravel() if own.size else own.ravel()])
+
+    def _ends(self, struts: np.ndarray) -> np.ndarray:
+        """(V,) bool: joints at which one of the struts ends."""
+        ends = np.zeros(self.model.design.vertex_count, dtype=bool)
+        ends[self.model.design.edges[struts].ravel()] = True
+        return ends
+
+    def _joined_by(self, record: BatchRecord) -> MaterialFit:
+        """With the joints that come into being in a batch, where they were to be laid."""
+        points, covariance = np.array(self.points), np.array(self.covariance)
+        first = len(covariance) - points.size
+        known = np.diag(covariance)[first::3] > 0.0
+        fresh = np.flatnonzero(~record.state.there | ~known)
+        points[fresh] = record.state.points[fresh]
+        rows = (first + 3 * fresh[:, None] + np.arange(3)).ravel()
+        covariance[rows], covariance[:, rows] = 0.0, 0.0
+        covariance[rows, rows] = LAID**2
+        return replace(self, points=points, covariance=covariance)
+
+    def _missed(self, moved: np.ndarray) -> np.ndarray:
+        """Variance of what the model misses of movements, and of how what twins are off by changes, square mm."""
+        error = MODEL_ERROR if len(self.values) > len(GLOBAL) else COARSE_ERROR
+        return np.asarray(SEEN_LATER**2 + (error * moved) ** 2)
+
+    def _changed(self, place: StateRows, change: np.ndarray, moved: np.ndarray) -> MaterialFit:
+        """With the joints moved, and then everything that is active changed."""
+        values, points, count = np.array(self.values), np.array(self.points), len(place.values)
+        values[place.values] += change[:count]
+        points[place.joints] += (moved + change[count + 3 :]).reshape(-1, 3)
+        return replace(self, values=values, shift=self.shift + change[count : count + 3], points=points)
+
+    def _skill(self, record: BatchRecord, joints: np.ndarray, parts: int) -> tuple[float, float]:
+        """Square mm by which the model misses what joints moved, beyond what twins err, and in which they moved."""
+        seen = record.moved[joints].ravel()
+        missed = self._measured(record, joints, parts, slopes=False)[0]
+        free = 3.0 * len(joints) * MISSED**2
+        return max(0.0, float(np.sum((seen - missed) ** 2)) - free), float(np.sum(seen**2))
 
     def _measured(
         self, record: BatchRecord, joints: np.ndarray, parts: int, slopes: bool = True

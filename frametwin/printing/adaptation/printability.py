@@ -8,12 +8,13 @@ computing the print once more with it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.material_fit import MaterialFit
+from frametwin.printing.adaptation.material_fit import GUESS, MaterialFit
 from frametwin.printing.process.creep import PrintState
 
 MOST_TURN, MOST_STRETCH = 30.0, 0.2
@@ -73,6 +74,67 @@ def first_fall(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray])
     reason = "buckling" if -movement[2] < 0.5 * moved else "sag"
     most = float(plan.lengths[strut])  # linear beams that fall go anywhere
     return Fall(strut, batch, reason, min(moved, most), _remedy(fit, plan, batches, joint))
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """Whether a print would stand in a material of which nothing is known but that it is a usual one.
+
+    Attributes
+    ----------
+    typical, soft
+        The first strut that would not hold in a typical PLA, and in one whose struts are `SOFT` times as heavy for
+        their stiffness, which is how far the guess may be wrong; ``None`` where all do.
+    """
+
+    typical: Fall | None
+    soft: Fall | None
+
+    @property
+    def sentence(self) -> str:
+        """What to tell the user."""
+        if self.typical is not None:
+            return f"in a typical PLA the frame {self.typical.problem}; {self.typical.remedy}"
+        if self.soft is not None:
+            return f"stands in a typical PLA; in one {SOFT:.1f} times as soft the frame {self.soft.problem}"
+        return f"stands in a typical PLA, and in one {SOFT:.1f} times as soft"
+
+    def as_dict(self) -> dict[str, Any]:
+        """As for a JSON file."""
+        falls = {"typical": self.typical, "soft": self.soft}
+        return {name: None if fall is None else asdict(fall) for name, fall in falls.items()}
+
+
+SOFT = float(np.exp(GUESS.deviation[0]))
+"""Standard deviation of a guessed material's weight over stiffness, as a factor."""
+
+OUTLOOK_STEPS = 24
+"""Most steps into which a print is divided for an outlook."""
+
+
+def outlook(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray]) -> Outlook:
+    """Compute a print in a guessed material, and in one that is softer by as much as the guess may be wrong.
+
+    Parameters
+    ----------
+    fit
+        Of a guess.
+    plan
+        As the robot will follow it, nothing being printed yet.
+    batches
+        Struts of each batch, in order; of many, some are computed together.
+    """
+    groups = np.array_split(np.arange(len(batches)), min(len(batches), OUTLOOK_STEPS))
+    steps = [np.concatenate([batches[k] for k in group.tolist()]) for group in groups]
+    values = np.array(fit.values)
+    values[0] += np.log(SOFT)
+    falls = []
+    for one in (fit, replace(fit, values=values)):
+        fall = first_fall(one, plan, steps)
+        falls.append(None if fall is None else replace(fall, batch=int(groups[fall.batch][0])))
+        if fall is not None:
+            break
+    return Outlook(falls[0], falls[-1])
 
 
 def _remedy(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray], joint: int) -> str:

@@ -320,6 +320,7 @@ def _doubts(step: AnsweredStep, found: _Found, going: Continuation) -> list[Doub
         return [guards.too_early(expected)]
     if expected.batch + 1 < going.sequence.batch_count:
         doubts += guards.doubts_of_starts(going.adapted, twin, going.sequence, expected.batch + 1, limits)
+        doubts += guards.doubts_of_depth(step.design, going.adapted, going.sequence, expected.batch + 1)
     return doubts
 
 

@@ -15,6 +15,9 @@ from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.resizing import resized, suitable_size
 
+UNTRUSTED_SIZE = 4
+"""Most struts in a batch while no forecast is trusted: what is laid before can not be aimed any more."""
+
 LEAST_TRUST = 0.5
 """Forecasts of the next batch that are trusted less are left to `frametwin.printing.adaptation.anticipation`."""
 
@@ -96,9 +99,8 @@ class CreepForecast:
         laying = sequence.in_batch(batch)
         rate = self.drift(laying)
         if rate is None:
-            return sequence
-        there = self.plan.printed_vertices()[laying.start]
-        fastest = float(np.linalg.norm(rate[laying.start[there]], axis=1).max(initial=0.0))
+            return resized(sequence, batch, min(len(laying), UNTRUSTED_SIZE))
+        fastest = float(np.linalg.norm(rate[self.design.edges[laying.struts]], axis=2).max())
         bead = 2.0 * self.fit.model.settings.bead * float(self.design.radius[laying.struts].min())
         return resized(sequence, batch, suitable_size(len(laying), fastest / bead))
 

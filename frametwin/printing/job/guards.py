@@ -32,6 +32,7 @@ KINDS = (
     "displacement",
     "lost-struts",
     "low-confidence",
+    "below-plate",
 )
 """Why a job may stop; each can be accepted by name."""
 
@@ -307,6 +308,34 @@ def doubts_of_starts(
         remedy = "take the pictures again, with a camera that sees the place"
         doubts.append(Doubt("low-confidence", problem, remedy))
     return doubts
+
+
+def doubts_of_depth(design: Wireframe, adapted: Wireframe, following: PrintSequence, batch: int) -> list[Doubt]:
+    """Whether the struts of the next batch lie where the robot cannot go: below everything that was designed.
+
+    Parameters
+    ----------
+    design
+        The frame.
+    adapted
+        The plan for what follows.
+    following
+        The sequence as it goes on.
+    batch
+        The next one.
+    """
+    floor = float(design.bounds[0][2] - design.radius.max())
+    struts = following.in_batch(batch).struts
+    ends = adapted.edges[struts]
+    depth = floor - adapted.vertices[ends, 2]
+    sunk = struts[depth.max(axis=1) > 0.0]
+    if not len(sunk):
+        return []
+    joint = int(ends.ravel()[np.argmax(depth)])
+    problem = f"{listed(sunk)} would be laid below the plate, where joint {joint} has sunk by"
+    problem += f" {float(design.vertices[joint, 2] - adapted.vertices[joint, 2]):.0f} mm"
+    remedy = "lift the print there and take new pictures, or print anew with what this print has told of its material"
+    return [Doubt("below-plate", problem, remedy)]
 
 
 def starts_in_the_air(standing: Wireframe, sequence: PrintSequence, batch: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import for_next_print, read_material
 from frametwin.printing.adaptation.material_fit import MaterialEstimate
-from frametwin.printing.adaptation.printability import first_fall
+from frametwin.printing.adaptation.printability import Outlook, first_fall, outlook
 from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
@@ -194,24 +194,40 @@ def plan_job(
     cut = order is None or options.batch_size is not None
     sequence = plan_order(frame, ordering, order, cut, progress)
     if known is not None:
-        require_standing(frame, sequence, known)
+        require_standing(frame, sequence, known, settings.compensate)
     report(progress, Progress("writing", 0, 1))
     return PrintJob.create(folder, frame, sequence, settings, notes, overwrite, known)
 
 
-def require_standing(frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate) -> None:
+def require_standing(
+    frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate, compensate: bool = False
+) -> None:
     """Refuse a print of which a known material tells that it will not stand.
+
+    Parameters
+    ----------
+    frame, sequence, material
+        The print.
+    compensate
+        It is aimed by the forecast: what leans outwards is laid further in, and carries what it could not carry else.
 
     Raises
     ------
     InputError
         The sentence names the strut, the reason, and what would help.
     """
-    fit = CreepForecast.start(frame, material).fit
+    forecast = CreepForecast.start(frame, material)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
-    fall = first_fall(fit, frame, batches)
+    fall = first_fall(forecast.fit, forecast.aimed(sequence, 0) if compensate else frame, batches)
     if fall is not None:
         raise InputError.at(frame.name, "material", fall.problem, fall.remedy)
+
+
+def guessed_outlook(frame: Wireframe, sequence: PrintSequence, progress: ProgressCallback | None = None) -> Outlook:
+    """Whether a print would stand in a material of which nothing is known yet: a warning at most."""
+    report(progress, Progress("computing the print", 0, 1))
+    batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
+    return outlook(CreepForecast.start(frame).fit, frame, batches)
 
 
 def plan_order(
