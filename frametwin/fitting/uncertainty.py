@@ -29,6 +29,9 @@ ASTRAY = 2.0
 """Error of a strut for outlines that are off its own by 1 more than those of the typical strut: where a strut cannot
 follow what was printed, or lies beside it, its outlines agree by chance in places."""
 
+TYPICAL = 1.25
+"""Times the typical strut's, up to which that tells nothing against one: others cross it, and pictures are coarse."""
+
 HALF_SYSTEMATIC = 0.5
 """Systematic error, as a share of the strut's radius, at which the confidence is one half."""
 
@@ -79,14 +82,19 @@ def uncertainty(
     """
     planned = elastic.frame.radius
     formal = standard_deviation(elastic, terms)
-    off = np.sqrt(np.maximum(outline**2 - np.median(outline) ** 2, 0.0))
-    systematic = np.sqrt(
+    shared = (
         (OUTLINE * misfit * radius) ** 2
         + (WIDTH * (radius - planned)) ** 2
         + (DARK * np.maximum(0.0, 1.0 - whiteness) * radius) ** 2
-        + (ASTRAY * off * radius) ** 2
         + world**2
     )
-    across = np.hypot(formal, systematic)
-    doubt = (formal / (HALF * planned)) ** 2 + (systematic / (HALF_SYSTEMATIC * planned)) ** 2
+    typical = float(np.median(outline))
+    beside, clearly = (ASTRAY * radius * _beyond(outline, share * typical) for share in (1.0, TYPICAL))
+    across = np.sqrt(formal**2 + shared + beside**2)
+    doubt = (formal / (HALF * planned)) ** 2 + (shared + clearly**2) / (HALF_SYSTEMATIC * planned) ** 2
     return Uncertainty(across, np.hypot(across, ALONG * radius), 1.0 / (1.0 + doubt))
+
+
+def _beyond(values: np.ndarray, least: float) -> np.ndarray:
+    """What is left of errors when others are taken from them, in squares; 0 below."""
+    return np.sqrt(np.maximum(values**2 - least**2, 0.0))
