@@ -196,6 +196,11 @@ def torn_candidates(truth: Wireframe, rng: np.random.Generator) -> list[tuple[in
     return [(e, side) for e, side in ends if not truth.grounded[truth.edges[e, side]]]
 
 
+def both(first: Fault, second: Fault) -> Fault:
+    """One after the other."""
+    return lambda case, rng: second(first(case, rng), rng)
+
+
 FAULTS: dict[str, Fault] = {
     "exact": every_camera(),
     "turned-0.02": every_camera(degrees=0.02),
@@ -212,6 +217,7 @@ FAULTS: dict[str, Fault] = {
     "arm-white": arm(1.0),
     "blobs-1.5": blobs(1.5),
     "blobs-2.5": blobs(2.5),
+    "blobs-1.5-turned-0.05-moved-0.3": both(blobs(1.5), every_camera(degrees=0.05, mm=0.3)),
     "torn-3": torn(3, 5.0),
     "base-moved-5mm": base_moved(0.0, (3.0, 4.0, 0.0)),
     "base-turned-3": base_moved(3.0, (0.0, 0.0, 0.0)),

@@ -109,7 +109,10 @@ def _begun(problem: Problem, state: State, field: DeformationField | None) -> St
     if problem.settings.cameras == "exact" or not _asks_for_cameras(problem, state):
         return state
     afresh = replace(first, record=state.record, cameras=problem.exact_cameras(), joint_size=state.joint_size)
-    return held_by(problem, search(problem, afresh), "feet").anchored()
+    state = search(problem, afresh)
+    if state.joint_size is None:  # what cameras explained before may have hidden it
+        state = _with_joint_material(problem, state)
+    return held_by(problem, state, "feet").anchored()
 
 
 def _asks_for_cameras(problem: Problem, state: State) -> bool:

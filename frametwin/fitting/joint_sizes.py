@@ -20,7 +20,7 @@ SMALLEST, LARGEST = 1.0, 6.0
 FURTHEST = 0.3
 """Most by which the logarithm of a size changes in a step."""
 
-WORTH = 0.05
+WORTH = 0.02
 """Share by which the loss must fall before joints are given material of their own."""
 
 
