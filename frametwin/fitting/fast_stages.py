@@ -219,12 +219,17 @@ def recover(problem: Problem, state: State) -> State:
         for again in settings.recover:
             state = free_stage(problem, state, again)
     if settings.learn_opacity:
-        frame = problem.frame
-        opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
-        shortest = presence.shortest_gap(frame.chord_lengths, frame.radius, stage.pieces)
-        there = presence.without_gaps(opacity, settings.absent, shortest)
-        state = replace(state, pose=replace(state.pose, opacity=there))
+        state = without_missing(problem, state)
     return state.lapped("recover")
+
+
+def without_missing(problem: Problem, state: State) -> State:
+    """The state with what is there of each strut as the pictures show it now."""
+    frame, stage = problem.frame, problem.settings.refine[-1]
+    opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
+    shortest = presence.shortest_gap(frame.chord_lengths, frame.radius, stage.pieces)
+    there = presence.without_gaps(opacity, problem.settings.absent, shortest)
+    return replace(state, pose=replace(state.pose, opacity=there))
 
 
 def astray(problem: Problem, state: State, stage: Stage) -> np.ndarray:

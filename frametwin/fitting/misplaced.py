@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from frametwin.fitting import presence
-from frametwin.fitting.fast_stages import free_stage
+from frametwin.fitting.fast_stages import free_stage, without_missing
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of
 from frametwin.fitting.torn_ends import Torn, separated, without_ends
 from frametwin.raster import rods
@@ -91,7 +91,9 @@ def _struts_bowed(problem: Problem, state: State) -> State:
     struts, shapes = _promising(problem, state)
     together = [np.arange(len(struts))] if len(struts) else []
     for chosen in together + [np.array([i]) for i in range(min(len(struts), SINGLY))]:
-        tried = _judged(problem, _settled(problem, _shaped(problem, state, struts[chosen], shapes[chosen])))
+        tried = _settled(problem, _shaped(problem, state, struts[chosen], shapes[chosen]))
+        if problem.settings.learn_opacity:
+            tried = without_missing(problem, tried)
         state = replace(state, record=tried.record)
         if _loss(problem, tried) < _loss(problem, state):
             state = _absent_as_before(tried, state)
@@ -170,7 +172,7 @@ def _shaped(problem: Problem, state: State, struts: np.ndarray, shapes: np.ndarr
 def shapes_to_try(control_points: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """(N, C, 4, 3) struts between the same ends (N, 4, 3): straight, and bowed to all sides by many radii (N,)."""
     start, chord = control_points[:, 0], control_points[:, 3] - control_points[:, 0]
-    tangent = chord / np.linalg.norm(chord, axis=1, keepdims=True)
+    tangent = chord / np.maximum(np.linalg.norm(chord, axis=1, keepdims=True), 1e-9)
     helper = np.eye(3)[np.abs(tangent).argmin(axis=1)]
     across = np.cross(tangent, helper)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -213,18 +215,6 @@ def _settled(problem: Problem, state: State) -> State:
     for stage in problem.settings.refine[-2:]:
         state = free_stage(problem, state, replace(stage, iterations=min(stage.iterations, STEPS)))
     return state
-
-
-def _judged(problem: Problem, state: State) -> State:
-    """The state with what is there of each strut as the pictures show it now, where the settings ask for that."""
-    if not problem.settings.learn_opacity:
-        return state
-    stage = problem.settings.refine[-1]
-    frame, settings = problem.frame, problem.settings
-    opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
-    shortest = presence.shortest_gap(frame.chord_lengths, frame.radius, stage.pieces)
-    there = presence.without_gaps(opacity, settings.absent, shortest)
-    return replace(state, pose=replace(state.pose, opacity=there))
 
 
 def _loss(problem: Problem, state: State) -> float:
