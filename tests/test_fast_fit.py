@@ -53,7 +53,6 @@ def fitted(simulation: Simulation, **settings) -> tuple[FitResult, Errors]:
         # To reach at full size: 0.05 / 0.5 / 0.06 on Femur. At half size: what the paper has at full size.
         ("NodeFemur", FULL, 0.05, 0.5, 0.06),
         ("NodeFemur", HALF, 0.1147, 1.816, 0.15),
-        ("NodeCoral", HALF, 0.2086, 2.436, 0.25),
         ("NodeLounge", HALF, 0.2512, 4.0, 0.45),
     ],
 )

@@ -32,9 +32,11 @@ def tab(extension: str, scene: Any) -> Any:
 def convert(*words: object) -> None:
     """Run ``frametwin convert``, where there is a command line beside this Blender."""
     pytest.importorskip("click", reason="the command line is compared with")
-    from frametwin.cli.convert import command
+    from frametwin.cli.main import cli
 
-    assert not command.main([*map(str, words)], standalone_mode=False)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["convert", *map(str, words)])
+    assert ended.value.code == 0
 
 
 @pytest.mark.parametrize(("unit", "millimetres"), [("mm", 1), ("cm", 10), ("m", 1000), ("in", 25.4)])

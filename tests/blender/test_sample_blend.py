@@ -39,7 +39,7 @@ def test_the_sample_opens_with_a_finished_twin(tmp_path: Path) -> None:
     done = run("--out", file, "--size", "400x300", "--views", "6", "--seed", "3")
     assert done.returncode == 0, done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["sample.blend"]
-    bpy.ops.wm.open_mainfile(filepath=str(file))
+    bpy.ops.wm.open_mainfile(filepath=str(file), load_ui=True)
     scene = bpy.context.scene
     (home,) = scene.collection.children
     assert [each.name for each in home.children] == ["Plans", "Prints", "Cameras", "bridge twin"]

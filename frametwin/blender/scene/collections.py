@@ -35,6 +35,8 @@ def home_collection(scene: bpy.types.Scene, role: str = HOME) -> bpy.types.Colle
 def open_collections(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
     """Show a collection in all view layers of a scene, and those that it is inside of."""
     for layer in scene.view_layers:
+        if layer.layer_collection is None:  # one that no window has shown yet: nothing is closed in it
+            continue
         for path in paths_to(layer.layer_collection, collection):
             for each in path:
                 if each.exclude:
