@@ -25,8 +25,9 @@ STEPS = 3
 ROUNDS, GAIN = 4, 0.01
 """Times that everything is tried, at most, and share by which the loss has to fall for another time."""
 
-SINGLY = 6
-"""Joints, and struts, that are tried one by one in each round, at most."""
+SINGLY, WORK = 6, 3000
+"""Joints, and struts, that are tried one by one in each round, at most, and struts that are drawn for it: every trial
+draws the whole frame, so that in large ones fewer are tried."""
 
 MOST = 64
 """Struts for which other shapes are looked at, at most."""
@@ -63,13 +64,18 @@ def given_second_chance(plan: Problem, problem: Problem, state: State, torn: Tor
     return problem, state.lapped("second chance"), torn
 
 
+def _trials(problem: Problem) -> int:
+    return min(SINGLY, WORK // problem.frame.strut_count)
+
+
 def _joints_moved(plan: Problem, problem: Problem, state: State, torn: Torn) -> tuple[Problem, State, Torn]:
     """Move joints to the ends that were taken for torn off them, or those ends back, where that explains more."""
     apart = np.linalg.norm(state.pose.joints[torn.planned :, :3] - state.pose.joints[torn.joints, :3], axis=1)
     furthest = torn.joints[np.argsort(-apart, kind="stable")]
-    if len(furthest):
+    joints = list(dict.fromkeys(furthest.tolist()))[: _trials(problem)]
+    if joints:
         state = _settled(problem, state)  # as all that is tried will be
-    for joint in list(dict.fromkeys(furthest.tolist()))[:SINGLY]:
+    for joint in joints:
         fewer = torn.only(torn.joints != joint)
         trial = separated(plan, fewer)
         before = _loss(problem, state)
@@ -90,7 +96,7 @@ def _struts_bowed(problem: Problem, state: State) -> State:
     """
     struts, shapes = _promising(problem, state)
     together = [np.arange(len(struts))] if len(struts) else []
-    for chosen in together + [np.array([i]) for i in range(min(len(struts), SINGLY))]:
+    for chosen in together + [np.array([i]) for i in range(min(len(struts), _trials(problem)))]:
         tried = _settled(problem, _shaped(problem, state, struts[chosen], shapes[chosen]))
         if problem.settings.learn_opacity:
             tried = without_missing(problem, tried)
