@@ -64,8 +64,7 @@ def _result(found: Consistent) -> PartFit:
     if settings.learn_opacity:
         opacity, _ = presence.seen_opacity(rods, level_of(problem, state, settings.finish[-1]))
         gone = opacity.mean(axis=1) < GONE
-        straight = replace(state.pose, inner=np.where(gone[:, None], 0.0, state.pose.inner))
-        rods = drawn(problem, replace(state, pose=straight), settings.kernels_per_strut)
+        rods = drawn(problem, replace(state, pose=state.pose.straightened(gone)), settings.kernels_per_strut)
     state = state.lapped("presence")
     known = confidence(problem.elastic, state.last_terms)
     torn, struts = found.torn, len(rods.edges)

@@ -97,13 +97,20 @@ def _let_go(problem: Problem, state: State) -> State:
     state = noticed(problem, state)
     if not state.strained:
         return state
-    stage = problem.settings.refine[-1]
+    stage = loosened(problem.settings.refine[-1])
+    return _until_settled(problem, state, stage, state.last_terms.loss, anchoring=True).anchored()
+
+
+def _until_settled(
+    problem: Problem, state: State, stage: Stage, before: float = np.inf, anchoring: bool = False
+) -> State:
+    """A stage again and again, until it lowers the loss no more; anchored anew each time if wanted."""
     for _ in range(LETTING_GO):
-        before = state.last_terms.loss
-        state = free_stage(problem, state.anchored(), loosened(stage))
+        state = free_stage(problem, state.anchored() if anchoring else state, stage)
         if state.last_terms.loss > (1.0 - SETTLED) * before:
             break
-    return state.anchored()
+        before = state.last_terms.loss
+    return state
 
 
 def loosened(stage: Stage) -> Stage:
@@ -135,13 +142,7 @@ def finish(problem: Problem, state: State, stage: Stage) -> State:
         held = problem.elastic.stiffened(np.where(_whole(state), 1.0, 1.0 / LOOSE))
         problem = replace(problem, elastic=held)
     slow = state.strained or state.joint_size is not None or state.cameras is not None
-    before = np.inf
-    for _ in range(LETTING_GO if slow else 1):
-        state = free_stage(problem, state, stage)
-        if state.last_terms.loss > (1.0 - SETTLED) * before:
-            break
-        before = state.last_terms.loss
-    return state
+    return _until_settled(problem, state, stage) if slow else free_stage(problem, state, stage)
 
 
 def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | None = None) -> State:
@@ -234,8 +235,12 @@ def without_missing(problem: Problem, state: State) -> State:
 
 def astray(problem: Problem, state: State, stage: Stage) -> np.ndarray:
     """(E,) array of bool: struts of whose pixels too few are white."""
-    whiteness = presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
-    return whiteness < problem.settings.suspicious
+    return whiteness_of(problem, state, stage) < problem.settings.suspicious
+
+
+def whiteness_of(problem: Problem, state: State, stage: Stage) -> np.ndarray:
+    """(E,) share of each strut's pixels that are white in the pictures of a stage."""
+    return presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
 
 
 def _without(terms: Terms, edges: np.ndarray, lost: np.ndarray) -> Terms:

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from frametwin.fitting import presence
-from frametwin.fitting.fast_stages import free_stage, without_missing
+from frametwin.fitting.fast_stages import free_stage, whiteness_of, without_missing
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of
 from frametwin.fitting.torn_ends import Torn, separated, without_ends
 from frametwin.raster import rods
@@ -122,7 +121,7 @@ def _promising(problem: Problem, state: State) -> tuple[np.ndarray, np.ndarray]:
     """Struts (N,) of which a part seems to be missing, and shapes (N, 4, 3) in which they would be whiter."""
     stage = problem.settings.refine[-1]
     now = drawn(problem, state, stage.pieces)
-    white = _whiteness(problem, state)
+    white = whiteness_of(problem, state, stage)
     struts = np.argsort(white, kind="stable")
     struts = struts[white[struts] < BROKEN][:MOST]
     if not len(struts):
@@ -157,11 +156,6 @@ def _seen_in(problem: Problem, state: State, struts: np.ndarray, shapes: np.ndar
     seen = weight.sum(axis=1)
     white = (weight * there).sum(axis=1) / np.maximum(seen, 1e-12)
     return seen.reshape(-1, count), white.reshape(-1, count)
-
-
-def _whiteness(problem: Problem, state: State) -> np.ndarray:
-    stage = problem.settings.refine[-1]
-    return presence.strut_whiteness(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
 
 
 def _shaped(problem: Problem, state: State, struts: np.ndarray, shapes: np.ndarray) -> State:
@@ -200,9 +194,9 @@ def _struts_at(problem: Problem, joint: int) -> np.ndarray:
 
 def _straightened(state: State, struts: np.ndarray) -> State:
     """The state with some struts (E,) whole again, and bent by their joints alone."""
-    pose, anchor = (replace(one, inner=np.where(struts[:, None], 0.0, one.inner)) for one in (state.pose, state.anchor))
     opacity = np.where(struts[:, None], 1.0, state.pose.opacity)
-    return replace(state, pose=replace(pose, opacity=opacity), anchor=anchor, terms=None)
+    pose = replace(state.pose.straightened(struts), opacity=opacity)
+    return replace(state, pose=pose, anchor=state.anchor.straightened(struts), terms=None)
 
 
 def _joined(state: State, torn: Torn, joint: int, to_ends: bool) -> State:

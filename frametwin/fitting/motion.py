@@ -41,6 +41,10 @@ class Pose:
         """The pose after a step."""
         return replace(self, joints=self.joints + joints, inner=self.inner + inner)
 
+    def straightened(self, struts: np.ndarray) -> Pose:
+        """With some struts (E,) bent by their joints alone."""
+        return replace(self, inner=np.where(struts[:, None], 0.0, self.inner))
+
 
 def start_pose(elastic: ElasticFrame) -> Pose:
     """The plan itself."""
