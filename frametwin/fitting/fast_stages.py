@@ -156,13 +156,14 @@ def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | 
         Struts that are astray and shall go where their neighbours take them.
     """
     level, density = problem.level(stage), problem.levels.pixels_per_mm(stage.detail)
+    hidden = None if state.joint_size is None else problem.stubs  # behind the material of their joints
     for _ in range(stage.iterations):
         terms, joints, inner, cameras = _free_step(problem, state, stage, lost)
         furthest = np.percentile(np.linalg.norm(joints[:, :3], axis=1), 99) * density
         share = stage.share * min(1.0, stage.longest / max(furthest, 1e-12))
         pose = state.pose.moved(share * joints, share * inner)
         if problem.settings.learn_thickness and stage.detail > 1.0:
-            pose = presence.learn_thickness(pose, problem.frame.radius, terms.widths)
+            pose = presence.learn_thickness(pose, problem.frame.radius, terms.widths, hidden)
         moved = None if state.cameras is None else state.cameras + share * cameras
         sizes = _joint_sizes(problem, state, terms, stage) if stage.detail > 1.0 else state.joint_size
         state = replace(state, pose=pose, terms=terms, cameras=moved, joint_size=sizes)
