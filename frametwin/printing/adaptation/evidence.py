@@ -107,9 +107,10 @@ class Pictures:
             joint_size=drawn.joint_size,
         )
         opacity, weight = presence.seen_opacity(both, self.level)
+        needed = presence.IN_VIEW * PIECES * float(np.median(weight))
         opacity, weight = opacity[-count:], weight[-count:]
         total = weight.sum(axis=1)
-        seen = total > presence.IN_VIEW * PIECES * float(np.median(weight))
+        seen = total > needed
         return np.where(seen, (weight * opacity).sum(axis=1) / np.maximum(total, 1e-12), np.nan)
 
 
