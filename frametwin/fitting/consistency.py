@@ -38,6 +38,9 @@ hundredth of a degree is at 0.14 and more."""
 ROUNDS = 3
 """Times that views are left out, at most."""
 
+TRIALS = 2
+"""Times that the last free stage is gone through before joints with material of their own are judged among stubs."""
+
 TOGETHER = 10.0
 """How many times more than by chance all cameras must have moved together for the feet to be where they were planned,
 before the cameras are believed instead."""
@@ -152,10 +155,12 @@ def _with_material_for_stubs(problem: Problem, state: State) -> State:
     size = common_size(drawn(problem, even, stage.pieces), level_of(problem, even, stage))
     if size == 1.0:
         return state
-    tried = refine(problem, replace(even, joint_size=np.full(problem.elastic.vertex_count, size)))
+    tried = replace(even, joint_size=np.full(problem.elastic.vertex_count, size))
+    for _ in range(TRIALS):
+        tried = free_stage(problem, tried, stage)
     if _loss(problem, tried, stage) < (1.0 - WORTH) * _loss(problem, state, stage):
-        return tried
-    return replace(state, record=tried.record)
+        return tried.lapped("refine")
+    return replace(state, record=tried.record).lapped("refine")
 
 
 def _loss(problem: Problem, state: State, stage: Stage) -> float:
