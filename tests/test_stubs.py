@@ -98,6 +98,17 @@ def test_a_side_that_fell_off_is_missed_and_no_stub_with_it() -> None:
     assert (twin.completeness[present] > 0.9).all()
 
 
+def test_a_stub_that_fell_with_its_sides_is_missed_too() -> None:
+    """Nothing of it is left, the material of its joints neither."""
+    plan = crown()
+    real = moved(plan)
+    struts = np.arange(real.strut_count)
+    lost = np.isin(struts, [2, CORNERS + 1, CORNERS + 2])
+    twin = fitted(plan, real.replace(printed=real.printed & ~lost)).twin
+    assert (twin.completeness[lost] < 0.1).all()
+    assert (twin.completeness[real.printed & ~lost] > 0.9).all()
+
+
 def test_what_is_in_view_of_typical_struts_sets_the_scale_for_stubs() -> None:
     """Stubs behind the balls of their joints are in hardly any view, and believed to be there, however many."""
     plan = crown(2)

@@ -228,7 +228,7 @@ def recover(problem: Problem, state: State) -> State:
 def without_missing(problem: Problem, state: State) -> State:
     """The state with what is there of each strut as the pictures show it now."""
     frame, stage = problem.frame, problem.settings.refine[-1]
-    opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
+    opacity, _ = presence.believed_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
     shortest = presence.shortest_gap(frame.chord_lengths, frame.radius, stage.pieces)
     there = presence.without_gaps(opacity, problem.settings.absent, shortest)
     return replace(state, pose=replace(state.pose, opacity=there))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from frametwin.fitting.motion import Pose
-from frametwin.fitting.stubs import tell_typical
+from frametwin.fitting.stubs import are_stubs, tell_typical
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods
@@ -44,10 +44,29 @@ def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
     return np.where(weight > needed, opacity, strut[:, None]), weight
 
 
+def believed_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
+    """As `seen_opacity`, but stubs are judged together with material of their joints that is thicker than they are.
+
+    It hides them all but for a rim, which is white or dark by a fraction of a pixel.
+    """
+    opacity, weight = seen_opacity(drawn, level)
+    stubs = are_stubs(_chords(drawn), drawn.radius.max(axis=1))
+    if drawn.joint_size is None or not stubs.any():
+        return opacity, weight
+    bare = drawn.joint_size.copy()
+    bare[drawn.edges[stubs]] = 0.0
+    alone, in_view = seen_opacity(replace(drawn, joint_size=bare), level)
+    rows = stubs[:, None]
+    return np.where(rows, alone, opacity), np.where(rows, in_view, weight)
+
+
+def _chords(drawn: Rods) -> np.ndarray:
+    return np.asarray(np.linalg.norm(drawn.control_points[:, 3] - drawn.control_points[:, 0], axis=1))
+
+
 def _typical(drawn: Rods) -> np.ndarray:
     """(E,) array of bool: struts that tell what is typical of those that are drawn."""
-    chords = np.linalg.norm(drawn.control_points[:, 3] - drawn.control_points[:, 0], axis=1)
-    return tell_typical(chords, drawn.radius.max(axis=1))
+    return tell_typical(_chords(drawn), drawn.radius.max(axis=1))
 
 
 def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None = None) -> np.ndarray:
@@ -88,7 +107,7 @@ def shortest_gap(lengths: np.ndarray, radius: np.ndarray, pieces: int) -> np.nda
 
 def strut_whiteness(drawn: Rods, level: Level) -> np.ndarray:
     """(E,) share of each strut's pixels in plain view that are white."""
-    opacity, weight = seen_opacity(drawn, level)
+    opacity, weight = believed_opacity(drawn, level)
     total = weight.sum(axis=1)
     return np.where(total > 0.0, (weight * opacity).sum(axis=1) / np.maximum(total, 1e-12), 1.0)
 
