@@ -19,7 +19,7 @@ from frametwin.fitting.fast_state import Problem, State, drawn, level_of, terms_
 from frametwin.fitting.motion import Pose, covariance_between
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.raster.rods import Rods, Terms
+from frametwin.raster.rods import Terms
 
 GAIN = 0.25
 """Fall of the loss, in squared pixels where the typical strut's radius is 1.8 pixels, from which an end is tried."""
@@ -249,20 +249,10 @@ def _apart(problem: Problem, state: State, torn: Torn, stage: Stage, least: tupl
     length = bezier.arc_length(rods.control_points[strut])
     planned = bezier.arc_length(problem.frame.control_points[strut])
     radius = state.pose.radius[strut]
-    hidden = np.zeros(len(strut), dtype=bool) if state.joint_size is None else _in_other_joints(rods, torn)
     return np.asarray(
-        ~hidden
-        & (np.linalg.norm(gap, axis=1) > least[0] * radius)
+        (np.linalg.norm(gap, axis=1) > least[0] * radius)
         & (rise > least[1] * _scale(problem, stage))
         & (white > WHITE)
         & (off[strut] < max(BESIDE, APART * float(np.median(off))))
         & (np.abs(length - planned) < np.maximum(STRETCH * planned, radius))
     )
-
-
-def _in_other_joints(rods: Rods, torn: Torn) -> np.ndarray:
-    """(T,) array of bool: ends within the material of a joint that they were not torn from, where none is seen."""
-    planned = torn.planned
-    apart = np.linalg.norm(rods.joints[planned:, None] - rods.joints[None, :planned], axis=2)
-    apart[np.arange(len(torn.joints)), torn.joints] = np.inf
-    return np.asarray((apart < rods.joint_radius()[None, :planned]).any(axis=1))
