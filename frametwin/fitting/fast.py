@@ -60,6 +60,7 @@ def _result(found: Consistent) -> PartFit:
     problem, state = found.problem, found.state
     settings = problem.settings
     rods = drawn(problem, state, settings.kernels_per_strut)
+    doubt = _uncertainty(found, rods)  # from what was drawn last
     opacity = np.ones(rods.radius.shape)
     if settings.learn_opacity:
         opacity, _ = presence.seen_opacity(rods, level_of(problem, state, settings.finish[-1]))
@@ -70,7 +71,6 @@ def _result(found: Consistent) -> PartFit:
     torn, struts = found.torn, len(rods.edges)
     led = known * torn.attached(struts).all(axis=1)  # what hangs loose says nothing of the space about its joint
     field = field_through(problem.frame, rods.control_points, settings.field_cells, led)
-    doubt = _uncertainty(found, rods)
     state = state.lapped("field")
     return PartFit(
         control_points=rods.control_points,
