@@ -4,7 +4,7 @@ Where the paper lets Adam move a network, this fit minimises the squared residua
 Gauss-Newton, which a splatter can give at the cost of one more gradient. What keeps single struts from hopping to
 their neighbours is the frame's own stiffness. At first the frame may only move as it would under smooth loads
 (`frametwin.fitting.loads`), then every joint and strut is free, and each step pays elastic energy. Pictures grow from
-half a pixel to about four pixels of strut radius. Struts whose pixels stay black are put back where their
+a quarter of a pixel to about four pixels of strut radius. Struts whose pixels stay black are put back where their
 neighbours expect them, tried again, and else declared missing.
 """
 

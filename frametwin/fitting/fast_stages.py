@@ -31,7 +31,7 @@ SETTLED, LETTING_GO = 0.03, 10
 NEAR = 0.15
 """Pixels below which a step is not worth another one where sharper pictures follow."""
 
-NEAR_LAST = 0.2
+NEAR_LAST = 0.1
 """The same in the last stages: pictures that are hardly sharper than those before leave little to do."""
 
 WEAK = 1e-4
