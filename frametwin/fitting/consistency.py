@@ -13,6 +13,7 @@ import numpy as np
 
 from frametwin.fields.base import DeformationField
 from frametwin.fitting import gauge
+from frametwin.fitting.bent import Halves, with_bent_struts
 from frametwin.fitting.fast_settings import Stage
 from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, noticed, recover, refine, search
 from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
@@ -59,6 +60,8 @@ class Consistent:
         Of all views.
     torn : Torn
         Ends of struts that hang free; problem and state have a vertex of its own for each.
+    halves : Halves
+        Struts that were fitted as two; problem and state have both halves of each.
     holds : str
         What holds the world: ``rig`` where the cameras were taken as exact, else ``feet`` or ``cameras``.
     """
@@ -68,6 +71,7 @@ class Consistent:
     used: np.ndarray
     misfit: ViewMisfit
     torn: Torn
+    halves: Halves
     holds: str
 
 
@@ -83,7 +87,7 @@ def consistent_fit(problem: Problem, field: DeformationField | None) -> Consiste
         if not problem.settings.leave_out_views or not wrong.size or len(used) - len(wrong) < FEWEST:
             break
         record, used = state.record, np.delete(used, wrong)
-    part, state, torn = _finished(part, recover(part, state))
+    part, state, torn, halves = _finished(part, recover(part, state))
     holds = "rig"
     if state.cameras is not None:
         state, holds = _held(part, state)
@@ -92,7 +96,7 @@ def consistent_fit(problem: Problem, field: DeformationField | None) -> Consiste
     misfit = _misfit(every, whole, problem.settings.finish[0])
     mask = np.zeros(problem.levels.view_count, dtype=bool)
     mask[used] = True
-    return Consistent(part, state, mask, misfit, torn, holds)
+    return Consistent(part, state, mask, misfit, torn, halves, holds)
 
 
 def _spread(cameras: np.ndarray, used: np.ndarray, problem: Problem) -> np.ndarray:
@@ -138,9 +142,10 @@ def _with_joint_material(problem: Problem, state: State) -> State:
     return refine(problem, replace(state, joint_size=np.full(problem.elastic.vertex_count, size)))
 
 
-def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn]:
-    """The last stages; torn ends, and cameras that are not exact to the last digit, are freed on the way."""
+def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves]:
+    """The last stages; torn ends, bent struts and cameras that are not exact to the last digit are freed on the way."""
     problem, state, torn = given_second_chance(plan, *mended(plan, state))
+    plan, problem, state, torn, halves = with_bent_struts(plan, problem, state, torn)
     state = noticed(problem, state)
     for stage in problem.settings.finish:
         state = finish(problem, state, stage)
@@ -148,7 +153,7 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn]:
             state = _freed(problem, state, stage)
         if stage is not problem.settings.finish[-1]:
             problem, state, torn = rejoined(plan, problem, state, torn, stage)
-    return problem, state.lapped("finish"), torn
+    return problem, state.lapped("finish"), torn, halves
 
 
 def _freed(problem: Problem, state: State, stage: Stage) -> State:
