@@ -13,11 +13,12 @@ import numpy as np
 
 from frametwin.fields.base import DeformationField
 from frametwin.fitting import gauge
-from frametwin.fitting.bent import Halves, with_bent_struts
+from frametwin.fitting.bent import with_bent_struts
 from frametwin.fitting.fast_settings import Stage
 from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, noticed, recover, refine, search
 from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
+from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import common_size
 from frametwin.fitting.misplaced import given_second_chance
@@ -145,21 +146,27 @@ def _with_joint_material(problem: Problem, state: State) -> State:
 def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves]:
     """The last stages; torn ends, bent struts and cameras that are not exact to the last digit are freed on the way."""
     problem, state, torn = given_second_chance(plan, *mended(plan, state))
-    plan, problem, state, torn, halves = with_bent_struts(plan, problem, state, torn)
-    state = noticed(problem, state)
-    for stage in problem.settings.finish:
-        state = finish(problem, state, stage)
-        if state.cameras is None and problem.settings.cameras == "auto":
-            state = _freed(problem, state, stage)
-        if stage is not problem.settings.finish[-1]:
-            problem, state, torn = rejoined(plan, problem, state, torn, stage)
+    state, halves = noticed(problem, state), Halves.none(plan.frame)
+    *sharp, sharpest = problem.settings.finish
+    for stage in sharp:
+        state = _sharpened(problem, state, stage)
+        problem, state, torn = rejoined(plan, problem, state, torn, stage)
+    if sharp:
+        plan, problem, state, torn, halves = with_bent_struts(plan, problem, state, torn)
+        if len(halves.struts):
+            state = _sharpened(problem, state, sharp[-1])
+    state = finish(problem, state, sharpest) if sharp else _sharpened(problem, state, sharpest)
     return problem, state.lapped("finish"), torn, halves
+
+
+def _sharpened(problem: Problem, state: State, stage: Stage) -> State:
+    """After one of the last stages, and cameras freed where that asks for it."""
+    state = finish(problem, state, stage)
+    return _freed(problem, state, stage) if state.cameras is None and problem.settings.cameras == "auto" else state
 
 
 def _freed(problem: Problem, state: State, stage: Stage) -> State:
     """The state with cameras that moved to where the loss is lowest, if it is much lower there."""
-    if stage is problem.settings.finish[-1] and len(problem.settings.finish) > 1:
-        return state
     if camera_gain(problem, state, stage) < SLIGHTLY:
         return state
     state = replace(state, cameras=problem.exact_cameras())
