@@ -221,7 +221,9 @@ def test_masks_leave_out_what_the_panel_says(lab: Any, tmp_path: Path) -> None:
     lab.fit.capture, lab.fit.ignore = str(tmp_path / "capture"), str(tmp_path / "arm")
     (tmp_path / "arm").mkdir()
     ops.show_masks()
-    assert "arm" in cases.pump_until_done() and cases.addon("session").runner.status.error
+    words = cases.pump_until_done()
+    assert words.startswith(f"{tmp_path / 'arm'}: Leave Out: holds no picture")
+    assert cases.addon("session").runner.status.error
     cv2.imwrite(str(tmp_path / "arm" / "camera_04.png"), np.full((120, 160), 255, dtype=np.uint8))
     ops.show_masks()
     cases.pump_until_done()
