@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from frametwin.errors import InputError
+from frametwin.files import PathLike
 from frametwin.printing.toolpath.waypoints import PRINT, Waypoints
 from frametwin.printing.toolpath.workspace import Workspace
 
@@ -42,6 +44,47 @@ class RobotProgram:
     extrude: np.ndarray
     dwell: np.ndarray
     blend: np.ndarray
+
+
+@dataclass(eq=False)
+class ReadMoves:
+    """The moves of a program, as its lines are read one after the other.
+
+    Attributes
+    ----------
+    rows : list of lists of floats
+        What the line of each move says.
+    extrude : list of bool
+        Whether material flows from the arrival of each move on.
+    dwell : list of floats, s
+        Waited there.
+    """
+
+    rows: list[list[float]] = field(default_factory=list)
+    extrude: list[bool] = field(default_factory=list)
+    dwell: list[float] = field(default_factory=list)
+    _flows: bool = False
+
+    def move(self, row: list[float]) -> None:
+        """A line that moves."""
+        self.rows.append(row)
+        self.extrude.append(self._flows)
+        self.dwell.append(0.0)
+
+    def switch(self, flows: bool) -> None:
+        """A line that lets material flow, or ends that."""
+        self._flows = flows
+        if self.extrude:
+            self.extrude[-1] = flows
+
+    def wait(self, seconds: float) -> None:
+        """A line that waits where the last move went."""
+        self.dwell[-1] += seconds
+
+
+def not_understood(path: PathLike, number: int, text: str) -> InputError:
+    """What to tell of a line that no program of FrameTwin has."""
+    return InputError.at(path, f"line {number}", f"{text[:60]!r} is not understood", "give a program of FrameTwin")
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,14 @@ import re
 
 import numpy as np
 
-from frametwin.errors import InputError
 from frametwin.files import PathLike, read_text
-from frametwin.printing.toolpath.exports.robot_program import RobotProgram, blend_radii, rounded_down
+from frametwin.printing.toolpath.exports.robot_program import (
+    ReadMoves,
+    RobotProgram,
+    blend_radii,
+    not_understood,
+    rounded_down,
+)
 from frametwin.printing.toolpath.waypoints import Waypoints
 from frametwin.printing.toolpath.workspace import Workspace, rotation_vectors
 
@@ -69,33 +74,23 @@ def read_urscript(path: PathLike) -> RobotProgram:
     InputError
         If the file is missing or holds a line of another kind.
     """
-    poses, speeds, extrude, dwell, blend = [], [], [], [], []
-    flows = False
+    read = ReadMoves()
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         text = line.strip()
         if match := _MOVE.fullmatch(text):
-            values = [float(word or 0.0) for word in match.groups()]
-            poses.append(values[:6])
-            speeds.append(values[7])
-            extrude.append(flows)
-            dwell.append(0.0)
-            blend.append(values[8])
+            read.move([float(word or 0.0) for word in match.groups()])
         elif match := _OUTPUT.fullmatch(text):
-            flows = match.group(2) == "True"
-            if extrude:
-                extrude[-1] = flows
-        elif (match := _SLEEP.fullmatch(text)) and dwell:
-            dwell[-1] += float(match.group(1))
+            read.switch(match.group(2) == "True")
+        elif (match := _SLEEP.fullmatch(text)) and read.rows:
+            read.wait(float(match.group(1)))
         elif not re.fullmatch(r"(def \w+\(\):|end|\w+\(\)|)", text):
-            raise InputError.at(
-                path, f"line {number}", f"{text[:60]!r} is not understood", "give a program of FrameTwin"
-            )
-    pose = np.array(poses, dtype=np.float64).reshape(-1, 6)
+            raise not_understood(path, number, text)
+    table = np.array(read.rows, dtype=np.float64).reshape(-1, 9)
     return RobotProgram(
-        position=pose[:, :3] * 1000.0,
-        rotation_vector=pose[:, 3:],
-        speed=np.array(speeds) * 1000.0,
-        extrude=np.array(extrude, dtype=bool),
-        dwell=np.array(dwell),
-        blend=np.array(blend) * 1000.0,
+        position=table[:, :3] * 1000.0,
+        rotation_vector=table[:, 3:6],
+        speed=table[:, 7] * 1000.0,
+        extrude=np.array(read.extrude, dtype=bool),
+        dwell=np.array(read.dwell),
+        blend=table[:, 8] * 1000.0,
     )
