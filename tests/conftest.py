@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +52,20 @@ def silhouette(frame: Wireframe, camera: Camera) -> np.ndarray:
     chains = [np.round(16.0 * (chain - 0.5)).astype(np.int32) for chain in pixels]
     cv2.polylines(image, chains, isClosed=False, color=255, thickness=width, lineType=cv2.LINE_AA, shift=4)
     return image
+
+
+@pytest.fixture(scope="module")
+def one_thread() -> Iterator[None]:
+    """For fits so small that they lose more by waiting for a second thread than they gain by it."""
+    import numba  # here, since tests inside of Blender have numpy alone
+    import torch
+
+    before = torch.get_num_threads(), numba.get_num_threads()
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
+    yield
+    torch.set_num_threads(before[0])
+    numba.set_num_threads(before[1])
 
 
 @pytest.fixture
