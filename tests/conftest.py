@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from longest_files import place_of
 from small_frames import tower
 
 from frametwin.cameras import Camera
@@ -84,6 +85,11 @@ def small_capture(tmp_path: Path) -> Path:
     return folder
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: place_of(item.path.name))
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     session.config.stash[_SESSION] = session
 
@@ -92,7 +98,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Leave at once if Blender was loaded, with the exit code of the tests: its own way out may hang or crash."""
     session = config.stash.get(_SESSION, None)
-    if "bpy" not in sys.modules or session is None or hasattr(config, "workerinput"):
+    if "bpy" not in sys.modules or session is None:
         return
     if config.pluginmanager.has_plugin("terminalreporter"):
         config.get_terminal_writer().flush()
