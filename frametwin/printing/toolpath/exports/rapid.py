@@ -19,13 +19,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frametwin.errors import InputError
-from frametwin.files import PathLike, read_text
+from frametwin.files import PathLike
 from frametwin.printing.toolpath.exports.robot_program import (
-    ReadMoves,
+    Lines,
     RobotProgram,
     heading,
     moves_of,
-    not_understood,
+    read_moves,
     rounded_down,
 )
 from frametwin.printing.toolpath.waypoints import Waypoints
@@ -79,17 +79,7 @@ def read_rapid(path: PathLike) -> RobotProgram:
     InputError
         If the file is missing or holds a line of another kind.
     """
-    read = ReadMoves()
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        text = line.strip()
-        if match := _MOVE.fullmatch(text):
-            read.move([float(word or 0.0) for word in match.groups()])
-        elif match := _OUTPUT.fullmatch(text):
-            read.switch(match.group(1) == "1")
-        elif (match := _WAIT.fullmatch(text)) and read.rows:
-            read.wait(float(match.group(1)))
-        elif not _OTHER.fullmatch(text):
-            raise not_understood(path, number, text)
+    read = read_moves(path, Lines(move=_MOVE, switch=_OUTPUT, on="1", wait=_WAIT, other=_OTHER))
     table = np.array(read.rows, dtype=np.float64).reshape(-1, 9)
     if (np.abs(np.linalg.norm(table[:, 3:7], axis=1) - 1.0) > 1e-6).any():
         raise InputError.at(path, "robtarget", "an orientation is no unit quaternion", "give a program of FrameTwin")

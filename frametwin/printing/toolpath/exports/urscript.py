@@ -13,12 +13,12 @@ import re
 
 import numpy as np
 
-from frametwin.files import PathLike, read_text
+from frametwin.files import PathLike
 from frametwin.printing.toolpath.exports.robot_program import (
-    ReadMoves,
+    Lines,
     RobotProgram,
     blend_radii,
-    not_understood,
+    read_moves,
     rounded_down,
 )
 from frametwin.printing.toolpath.waypoints import Waypoints
@@ -37,6 +37,7 @@ _MOVE = re.compile(
 )
 _OUTPUT = re.compile(r"set_standard_digital_out\((\d+), (True|False)\)")
 _SLEEP = re.compile(rf"sleep\(({_NUMBER})\)")
+_OTHER = re.compile(r"(def \w+\(\):|end|\w+\(\)|)")
 
 
 def to_text(waypoints: Waypoints, limits: Workspace) -> str:
@@ -74,17 +75,7 @@ def read_urscript(path: PathLike) -> RobotProgram:
     InputError
         If the file is missing or holds a line of another kind.
     """
-    read = ReadMoves()
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        text = line.strip()
-        if match := _MOVE.fullmatch(text):
-            read.move([float(word or 0.0) for word in match.groups()])
-        elif match := _OUTPUT.fullmatch(text):
-            read.switch(match.group(2) == "True")
-        elif (match := _SLEEP.fullmatch(text)) and read.rows:
-            read.wait(float(match.group(1)))
-        elif not re.fullmatch(r"(def \w+\(\):|end|\w+\(\)|)", text):
-            raise not_understood(path, number, text)
+    read = read_moves(path, Lines(move=_MOVE, switch=_OUTPUT, on="True", wait=_SLEEP, other=_OTHER))
     table = np.array(read.rows, dtype=np.float64).reshape(-1, 9)
     return RobotProgram(
         position=table[:, :3] * 1000.0,
