@@ -22,8 +22,8 @@ from frametwin.service.prepare import prepare
 
 prepare()
 kernels = [rod_kernels.render, rod_kernels.gather_struts, rod_kernels.gather_joints, rod_kernels.gather_opacity]
-kernels += [rod_kernels.compare, joint_kernels.elimination_order, joint_kernels.filled, joint_kernels.entries]
-kernels += [joint_kernels.factorised, joint_kernels.solved]
+kernels += [rod_kernels.compare, joint_kernels.filled, joint_kernels.entries, joint_kernels.factorised]
+kernels.append(joint_kernels.solved)
 before = [kernel.signatures.copy() for kernel in (*kernels, silhouette._fill)]
 made = frametwin.simulate("bridge", views=4, size=(90, 120))
 fit_views(made.frame, made.cameras, [image / np.float32(255.0) for image in made.images])

@@ -67,6 +67,8 @@ def fit_lattice(
     ValueError
         If shapes do not fit, weights are not usable, or there are more than `MOST_COEFFICIENTS` coefficients.
     """
+    from scipy import linalg
+
     field = LatticeField.zeros(box, resolutions)
     where, targets = checked_points(points), checked_points(displacements)
     share = np.ones(len(where)) if weights is None else np.asarray(weights, dtype=np.float64)
@@ -86,7 +88,7 @@ def fit_lattice(
     if stretch > 0.0:
         normal += stretch * length**2 * _energy(field, _FIRST)
     normal[np.diag_indices(size)] += _RIDGE * np.trace(normal) / size
-    return field.with_coefficients(np.linalg.solve(normal, basis.T @ (root * targets)))
+    return field.with_coefficients(linalg.cho_solve(linalg.cho_factor(normal), basis.T @ (root * targets)))
 
 
 def _gram(matrix: sparse.csr_matrix) -> Floats:

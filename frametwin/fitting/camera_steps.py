@@ -163,7 +163,7 @@ def reduced_system(
     border = np.zeros((6 * elastic.vertex_count, size))
     np.add.at(border, elastic.freedoms, coupled)
     border.reshape(-1, 6, size)[:, :3] += cams.joints.reshape(-1, 3, size)
-    both = elastic.factor(elastic.anchored(matrix)).solve(np.column_stack([right, border]))
+    both = elastic.factor(matrix).solve(np.column_stack([right, border]))
     joints, by_border = both[:, 0], both[:, 1:]
     return Reduced(
         matrix=own - border.T @ by_border,

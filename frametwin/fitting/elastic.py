@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from copy import copy
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.linalg import SuperLU
 
 from frametwin.fitting.joint_equations import JointEquations, JointFactor
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import Sections, cross_matrix, element_stiffness, factorise
-
-if TYPE_CHECKING:
-    from scipy.sparse.linalg import SuperLU
 
 INNER = slice(3, 9)
 """Of a strut's twelve control coordinates, the two inner points."""
@@ -115,10 +112,11 @@ class ElasticFrame:
 
     def solve(self, matrix: sparse.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Solution of the anchored system."""
-        return self.factor(self.anchored(matrix)).solve(right)
+        return self.factor(matrix).solve(right)
 
-    def factor(self, anchored: sparse.csc_matrix) -> JointFactor | SuperLU:
-        """Factors of a matrix of `anchored`; their ``solve`` then costs little."""
+    def factor(self, matrix: sparse.csc_matrix) -> JointFactor | SuperLU:
+        """Factors of the anchored matrix of `assemble`; their ``solve`` then costs little."""
+        anchored = self.anchored(matrix)
         try:
             return self._equations.factor(anchored.data)
         except ArithmeticError:  # by rounding: an indefinite matrix has triangular factors too

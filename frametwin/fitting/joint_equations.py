@@ -12,8 +12,10 @@ T. A. Davis, "Direct methods for sparse linear systems", SIAM 2006, chapters 4 a
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
-from frametwin.fitting.joint_kernels import SIZE, WIDE, elimination_order, entries, factorised, filled, solved
+from frametwin.fitting.joint_kernels import SIZE, WIDE, entries, factorised, filled, solved
+from frametwin.mechanics.beams import factorise
 
 
 class JointEquations:
@@ -31,9 +33,10 @@ class JointEquations:
 
     def __init__(self, edges: np.ndarray, joints: int, indices: np.ndarray, indptr: np.ndarray) -> None:
         rows, starts = _neighbours(edges, joints)
-        order = elimination_order(rows, starts)
-        self._place = place = np.argsort(order)
-        self._starts, self._rows = filled(rows, starts, order, place)
+        place = _elimination_order(rows, starts, joints)
+        self._place = place
+        self._starts, self._rows = filled(rows, starts, np.argsort(place), place)
+        self._indices, self._indptr = indices, indptr
         columns = np.repeat(np.arange(SIZE * joints), np.diff(indptr))
         self._source, self._slot = entries(indices.astype(np.int64), columns, place, self._starts, self._rows)
 
@@ -72,3 +75,10 @@ def _neighbours(edges: np.ndarray, joints: int) -> tuple[np.ndarray, np.ndarray]
     both = np.concatenate([edges, edges[:, ::-1]]).astype(np.int64)
     key = np.unique(both[:, 0] * joints + both[:, 1])
     return (key % joints).astype(np.int64), np.searchsorted(key, np.arange(joints + 1) * joints).astype(np.int64)
+
+
+def _elimination_order(rows: np.ndarray, starts: np.ndarray, joints: int) -> np.ndarray:
+    """(V,) the place of each joint in the order of elimination, by minimum degree."""
+    ones = np.ones(len(rows))
+    graph = sparse.csc_matrix((-ones, rows, starts), shape=(joints, joints))
+    return np.asarray(factorise(graph + sparse.diags(np.diff(starts) + 1.0, format="csc")).perm_c, dtype=np.int64)

@@ -20,61 +20,6 @@ WIDE = 8
 
 
 @nb.njit(cache=True)
-def elimination_order(rows, starts):
-    """(V,) joints in an order in which few blocks are filled: always one with the fewest neighbours that are left.
-
-    Those of a joint that is eliminated become neighbours of each other. Of equals the first is taken.
-    """
-    count = len(starts) - 1
-    room = 32
-    near = np.empty((count, room), dtype=np.int32)
-    degree = np.zeros(count, dtype=np.int64)
-    for joint in range(count):
-        for i in range(starts[joint], starts[joint + 1]):
-            if degree[joint] == room:
-                near, room = _roomier(near), 2 * room
-            near[joint, degree[joint]] = rows[i]
-            degree[joint] += 1
-    order, mark = np.empty(count, dtype=np.int64), np.full(count, -1)
-    gone = np.zeros(count, dtype=np.bool_)
-    for k in range(count):
-        chosen = -1
-        for joint in range(count):
-            if not gone[joint] and (chosen < 0 or degree[joint] < degree[chosen]):
-                chosen = joint
-        order[k] = chosen
-        gone[chosen] = True
-        for i in range(degree[chosen]):
-            joint = near[chosen, i]
-            left = 0
-            for n in range(degree[joint]):
-                other = near[joint, n]
-                if other != chosen:
-                    near[joint, left] = other
-                    left += 1
-                mark[other] = joint
-            for n in range(degree[chosen]):
-                other = near[chosen, n]
-                if other != joint and mark[other] != joint:
-                    if left == room:
-                        near, room = _roomier(near), 2 * room
-                    near[joint, left] = other
-                    left += 1
-            degree[joint] = left
-            for n in range(left):
-                mark[near[joint, n]] = -1
-            mark[chosen] = -1
-    return order
-
-
-@nb.njit(cache=True)
-def _roomier(near):
-    wider = np.empty((near.shape[0], 2 * near.shape[1]), dtype=np.int32)
-    wider[:, : near.shape[1]] = near
-    return wider
-
-
-@nb.njit(cache=True)
 def filled(rows, starts, order, place):
     """Blocks of every column of the factor: where each column begins, and its rows, the diagonal first.
 

@@ -200,7 +200,7 @@ def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs
         together costs when all else follows.
     """
     matrix, *_ = _without_inner(elastic, terms, weight)
-    factor = elastic.factor(elastic.anchored(matrix))
+    factor = elastic.factor(matrix)
     result = np.empty((len(pairs), 3, 3))
     for i, (first, second) in enumerate(pairs):
         apart = np.zeros((6 * elastic.vertex_count, 3))
