@@ -15,15 +15,13 @@ from frametwin.service.prepare import prepare
 LOOK = """
 import numpy as np
 import frametwin
-from frametwin.fitting import joint_kernels
 from frametwin.fitting.api import fit_views
 from frametwin.raster import rod_kernels, silhouette
 from frametwin.service.prepare import prepare
 
 prepare()
 kernels = [rod_kernels.render, rod_kernels.gather_struts, rod_kernels.gather_joints, rod_kernels.gather_opacity]
-kernels += [rod_kernels.compare, joint_kernels.filled, joint_kernels.entries, joint_kernels.factorised]
-kernels.append(joint_kernels.solved)
+kernels.append(rod_kernels.compare)
 before = [kernel.signatures.copy() for kernel in (*kernels, silhouette._fill)]
 made = frametwin.simulate("bridge", views=4, size=(90, 120))
 fit_views(made.frame, made.cameras, [image / np.float32(255.0) for image in made.images])
@@ -39,7 +37,7 @@ def test_a_fit_after_it_compiles_nothing() -> None:
 
 def test_the_command_names_what_it_compiles() -> None:
     told = json.loads(done("prepare", "--quiet", "--json").stdout)["compiled"]
-    assert len(told) == 6 and all(each["seconds"] >= 0.0 for each in told)
+    assert len(told) == 5 and all(each["seconds"] >= 0.0 for each in told)
     stages: list[str] = []
     with pytest.raises(Cancelled):
         prepare(lambda progress: stages.append(progress.stage) or len(stages) < 2)

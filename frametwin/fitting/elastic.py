@@ -6,9 +6,7 @@ from copy import copy
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import SuperLU
 
-from frametwin.fitting.joint_equations import JointEquations, JointFactor
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import Sections, cross_matrix, element_stiffness, factorise
@@ -86,7 +84,6 @@ class ElasticFrame:
         touched = np.zeros(self.vertex_count, dtype=bool)
         touched[self.edges.ravel()] = True
         self._joint_slots, self._touched = position[touched], touched
-        self._equations = JointEquations(self.edges, self.vertex_count, self._indices, self._indptr)
 
     def assemble(self, blocks: np.ndarray, joint_blocks: np.ndarray | None = None) -> sparse.csc_matrix:
         """Sum strut blocks (E, 12, 12) and joint blocks (V, 3, 3) over the shifts into a (6V, 6V) matrix."""
@@ -112,15 +109,7 @@ class ElasticFrame:
 
     def solve(self, matrix: sparse.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Solution of the anchored system."""
-        return self.factor(matrix).solve(right)
-
-    def factor(self, matrix: sparse.csc_matrix) -> JointFactor | SuperLU:
-        """Factors of the anchored matrix of `assemble`; their ``solve`` then costs little."""
-        anchored = self.anchored(matrix)
-        try:
-            return self._equations.factor(anchored.data)
-        except ArithmeticError:  # by rounding: an indefinite matrix has triangular factors too
-            return factorise(anchored)
+        return factorise(self.anchored(matrix)).solve(right)
 
     def displaced(self, control_points: np.ndarray, joints: np.ndarray, inner: np.ndarray) -> np.ndarray:
         """Control points (E, 4, 3) after the joints' freedoms (V, 6) and the struts' own (E, 6)."""

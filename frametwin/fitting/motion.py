@@ -10,6 +10,7 @@ from scipy import sparse
 
 from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
+from frametwin.mechanics.beams import factorise
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, Terms
@@ -200,11 +201,11 @@ def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs
         together costs when all else follows.
     """
     matrix, *_ = _without_inner(elastic, terms, weight)
-    factor = elastic.factor(matrix)
+    factor = factorise(elastic.anchored(matrix))
     result = np.empty((len(pairs), 3, 3))
     for i, (first, second) in enumerate(pairs):
         apart = np.zeros((6 * elastic.vertex_count, 3))
         apart[6 * first + np.arange(3), np.arange(3)] = 1.0
         apart[6 * second + np.arange(3), np.arange(3)] = -1.0
-        result[i] = apart.T @ factor.solve(apart)
+        result[i] = apart.T @ np.stack([factor.solve(column) for column in apart.T], axis=1)
     return result
