@@ -19,6 +19,7 @@ from frametwin.fitting.camera_freedoms import (
     rig_covariances,
     with_cameras,
 )
+from frametwin.fitting.cropping import cropped
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.gauge import foot_deviation
@@ -72,7 +73,7 @@ class Problem:
         callback: ProgressCallback | None,
     ) -> Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
-        levels = Levels(frame, Pyramid(cameras, masks))
+        levels = Levels(frame, Pyramid(*cropped(frame, cameras, masks)))
         known = rig_covariances(cameras, settings.rig_errors)
         return cls(frame, ElasticFrame(frame), levels, settings, known, callback)
 
