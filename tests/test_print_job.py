@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 import signal
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from print_cases import LEAN, LeaningPrint, cameras_of, fingerprint, print_batch, small_job, take_with
+from scipy.spatial.transform import Rotation
 from small_frames import tower
 
 from frametwin.errors import Held, InputError
@@ -241,6 +243,18 @@ def test_cameras_that_were_moved_are_noticed(
     turned = cameras_of(real.design.transformed(aside))
     sentence = second(take_with(tmp_path / "moved", standing, turned, told))
     assert "poor-fit" in sentence and "camera-moved" in sentence
+
+
+def test_one_camera_that_was_turned_is_told_and_no_later_batch_suspected(
+    second: Callable[..., str], job: PrintJob, real: LeaningPrint, tmp_path: Path
+) -> None:
+    standing = print_batch(job, real)
+    told = cameras_of(real.design)
+    pose = np.array(told[1].camera_to_world)
+    pose[:3, :3] = pose[:3, :3] @ Rotation.from_euler("z", 3.0, degrees=True).as_matrix()
+    real_one = dataclasses.replace(told[1], camera_to_world=pose)
+    sentence = second(take_with(tmp_path / "turned", standing, [told[0], real_one, *told[2:]], told))
+    assert "camera-moved" in sentence and told[1].name in sentence and "wrong-batch" not in sentence
 
 
 @pytest.mark.parametrize("damage", ["cut", "missing", "black"])

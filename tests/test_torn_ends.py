@@ -9,9 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from frametwin.errors import InputError
+from frametwin.fields.lattice import LatticeField
 from frametwin.fitting.api import fit_views
 from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.judgement import torn_ends
 from frametwin.fitting.motion import covariance_between, joint_system
+from frametwin.fitting.part_fit import PartFit
 from frametwin.formats import find_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.rods import Terms
@@ -54,6 +57,27 @@ def test_a_torn_end_is_found_and_nothing_else_is_called_torn(torn_print):
     strut, side = END
     assert np.linalg.norm(twin.control_points[strut, 3 * side] - truth.control_points[strut, 3 * side]) < 1.0
     assert any(f"strut {strut} at its end" in reason for reason in twin.verdict.reasons)
+
+
+def test_torn_struts_of_a_part_are_called_as_in_the_whole_frame():
+    count, gap = 3, np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 6.0]])
+    whole = np.ones((count, 5))
+    field = LatticeField.zeros(np.array([[0.0] * 3, [1.0] * 3]), [(1, 1, 1)])
+    part = PartFit(
+        np.zeros((count, 4, 3)),
+        np.zeros((4, 3)),
+        whole,
+        whole,
+        np.ones(count),
+        field,
+        [],
+        {},
+        attached=gap == 0.0,
+        gap=gap,
+    )
+    assert torn_ends(part, np.array([7, 40, 205])) == [
+        "torn off their joints: strut 205 at its end by 6.0 mm; strut 40 at its start by 4.0 mm"
+    ]
 
 
 def test_the_joint_stays_where_the_other_struts_hold_it(torn_print):

@@ -174,7 +174,7 @@ def fit_views(
     printed, struts, joints = frame.printed_part()
     part = fitter.fit(printed, cameras, masks, start, callback)
     twin = whole_twin(frame, struts, joints, part)
-    twin = twin.replace(**_views_and_verdict(part, printed, cameras))
+    twin = twin.replace(**_views_and_verdict(part, printed, cameras, struts))
     provenance = {"frametwin": __version__, "preset": preset, "seed": seed, "changes": dict(changes or {})}
     timing = {**part.timing, "fit": perf_counter() - began}
     return FitResult(twin.replace(timing=timing, provenance=provenance), part.field, part.cloud)
@@ -232,7 +232,9 @@ def _spread(values: np.ndarray | None, where: np.ndarray, count: int, elsewhere:
     return result
 
 
-def _views_and_verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> dict[str, Any]:
+def _views_and_verdict(
+    part: PartFit, printed: Wireframe, cameras: Sequence[Camera], struts: np.ndarray
+) -> dict[str, Any]:
     """What was made of the views, as for a twin's file."""
     if part.views is None:
         return {}
@@ -242,7 +244,7 @@ def _views_and_verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Came
         for camera, used, unexplained, unseen in zip(cameras, found.used, found.unexplained, found.unseen, strict=True)
     ]
     corrections = as_records(found, cameras)
-    return {"views": views, "cameras": corrections, "verdict": verdict(part, printed, cameras)}
+    return {"views": views, "cameras": corrections, "verdict": verdict(part, printed, cameras, struts)}
 
 
 def read_field(path: PathLike) -> DeformationField:

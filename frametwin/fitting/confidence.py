@@ -6,6 +6,7 @@ import numpy as np
 
 from frametwin.fitting.camera_freedoms import NOISE
 from frametwin.fitting.elastic import INNER, ElasticFrame
+from frametwin.fitting.stubs import STUB
 from frametwin.raster.rods import Terms
 
 HALF = 0.1
@@ -14,7 +15,8 @@ HALF = 0.1
 
 BOW = 0.05
 """Standard deviation, as a share of its length, of how far a strut bows between joints that are known. It says
-something of stubs that are hidden behind the joints they connect, and next to nothing of slender struts."""
+something of stubs that are hidden behind the joints they connect, and next to nothing of slender struts. A stub bows
+less than in proportion: what bends a strut bends it with the square of its length."""
 
 
 def standard_deviation(elastic: ElasticFrame, terms: Terms) -> np.ndarray:
@@ -38,7 +40,8 @@ def standard_deviation(elastic: ElasticFrame, terms: Terms) -> np.ndarray:
     across = np.eye(3) - along
     trace = np.trace(middle, axis1=1, axis2=2)[:, None, None]
     seen = across @ middle @ across + along * trace  # the direction along the strut does not count
-    straight = (NOISE / (BOW * np.linalg.norm(chord, axis=1))) ** 2
+    length = np.linalg.norm(chord, axis=1)
+    straight = (NOISE / (BOW * length * np.minimum(1.0, length / (STUB * elastic.frame.radius)))) ** 2
     least = np.minimum(joint[elastic.edges].min(axis=1), np.linalg.eigvalsh(seen)[:, 0] + straight)
     return NOISE / np.sqrt(np.maximum(least, 1e-12))
 

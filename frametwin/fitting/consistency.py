@@ -20,10 +20,11 @@ from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
-from frametwin.fitting.joint_sizes import common_size
+from frametwin.fitting.joint_sizes import WORTH, common_size
 from frametwin.fitting.misplaced import given_second_chance
 from frametwin.fitting.torn_ends import Torn, mended, rejoined
 from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
+from frametwin.raster import rods
 
 CLEARLY = 0.3
 """Share by which freeing the cameras would lower the loss after the first free steps, at which they are freed at once:
@@ -38,6 +39,9 @@ hundredth of a degree is at 0.14 and more."""
 
 ROUNDS = 3
 """Times that views are left out, at most."""
+
+TRIALS = 2
+"""Times that the last free stage is gone through before joints with material of their own are judged among stubs."""
 
 TOGETHER = 10.0
 """How many times more than by chance all cameras must have moved together for the feet to be where they were planned,
@@ -136,11 +140,36 @@ def _started(problem: Problem, state: State, field: DeformationField) -> State:
 
 def _with_joint_material(problem: Problem, state: State) -> State:
     """Joints get material of their own where the pictures show more than the struts' ends, and the fit goes on."""
+    if problem.stubs.any():
+        return _with_material_for_stubs(problem, state)
     stage = problem.settings.refine[-1]
     size = common_size(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
     if size == 1.0:
         return state
     return refine(problem, replace(state, joint_size=np.full(problem.elastic.vertex_count, size)))
+
+
+def _with_material_for_stubs(problem: Problem, state: State) -> State:
+    """The same of a frame with stubs, which may have been made long and thick by what their joints show.
+
+    They are as thick as the others at first, and what that is worth shows only when they have gone back to their place.
+    """
+    stage = problem.settings.refine[-1]
+    pose = state.pose.evened(problem.frame.radius, problem.stubs).straightened(problem.stubs)
+    even = replace(state, pose=pose, anchor=state.anchor.straightened(problem.stubs))
+    size = common_size(drawn(problem, even, stage.pieces), level_of(problem, even, stage))
+    if size == 1.0:
+        return state
+    tried = replace(even, joint_size=np.full(problem.elastic.vertex_count, size))
+    for _ in range(TRIALS):
+        tried = free_stage(problem, tried, stage)
+    if _loss(problem, tried, stage) < (1.0 - WORTH) * _loss(problem, state, stage):
+        return tried.lapped("refine")
+    return replace(state, record=tried.record).lapped("refine")
+
+
+def _loss(problem: Problem, state: State, stage: Stage) -> float:
+    return rods.squared_loss(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
 
 
 def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves]:

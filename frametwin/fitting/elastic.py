@@ -7,6 +7,7 @@ from copy import copy
 import numpy as np
 from scipy import sparse
 
+from frametwin.fitting.stubs import tell_typical
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import Sections, cross_matrix, element_stiffness, factorise
@@ -48,7 +49,8 @@ class ElasticFrame:
         start, end = frame.control_points[:, 0], frame.control_points[:, 3]
         chord = np.linalg.norm(end - start, axis=1)
         area, inertia = np.pi * frame.radius**2, np.pi * frame.radius**4 / 4.0
-        unit = float(np.median(12.0 * inertia / chord**3) * np.median(frame.radius) ** 2)
+        typical = tell_typical(chord, frame.radius)
+        unit = float(np.median((12.0 * inertia / chord**3)[typical]) * np.median(frame.radius[typical]) ** 2)
         self.follow = _hermite(frame.control_points)
         self.freedoms = (6 * frame.edges[:, :, None] + np.arange(6)).reshape(-1, 12)
         young = np.full(len(chord), 1.0 / unit)

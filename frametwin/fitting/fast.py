@@ -63,7 +63,7 @@ def _result(found: Consistent) -> PartFit:
     doubt = _uncertainty(found, rods)  # from what was drawn last
     opacity = np.ones(rods.radius.shape)
     if settings.learn_opacity:
-        opacity, _ = presence.seen_opacity(rods, level_of(problem, state, settings.finish[-1]))
+        opacity, _ = presence.believed_opacity(rods, level_of(problem, state, settings.finish[-1]))
         gone = opacity.mean(axis=1) < GONE
         rods = drawn(problem, replace(state, pose=state.pose.straightened(gone)), settings.kernels_per_strut)
     state = state.lapped("presence")

@@ -166,13 +166,14 @@ def free_stage(
         The stage ends when nearly all joints move by less.
     """
     level, density = problem.level(stage), problem.levels.pixels_per_mm(stage.detail)
+    hidden = None if state.joint_size is None else problem.stubs  # behind the material of their joints
     for _ in range(stage.iterations):
         terms, joints, inner, cameras = _free_step(problem, state, stage, lost)
         furthest = np.percentile(np.linalg.norm(joints[:, :3], axis=1), 99) * density
         share = stage.share * min(1.0, stage.longest / max(furthest, 1e-12))
         pose = state.pose.moved(share * joints, share * inner)
         if problem.settings.learn_thickness and stage.detail > 1.0:
-            pose = presence.learn_thickness(pose, problem.frame.radius, terms.widths)
+            pose = presence.learn_thickness(pose, problem.frame.radius, terms.widths, hidden)
         moved = None if state.cameras is None else state.cameras + share * cameras
         sizes = _joint_sizes(problem, state, terms, stage) if stage.detail > 1.0 else state.joint_size
         state = replace(state, pose=pose, terms=terms, cameras=moved, joint_size=sizes)
@@ -239,7 +240,7 @@ def recover(problem: Problem, state: State) -> State:
 def without_missing(problem: Problem, state: State) -> State:
     """The state with what is there of each strut as the pictures show it now."""
     frame, stage = problem.frame, problem.settings.refine[-1]
-    opacity, _ = presence.seen_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
+    opacity, _ = presence.believed_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
     shortest = presence.shortest_gap(frame.chord_lengths, frame.radius, stage.pieces)
     there = presence.without_gaps(opacity, problem.settings.absent, shortest)
     return replace(state, pose=replace(state.pose, opacity=there))

@@ -25,6 +25,7 @@ from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.gauge import foot_deviation
 from frametwin.fitting.levels import Levels
 from frametwin.fitting.motion import Pose, as_rods, start_pose
+from frametwin.fitting.stubs import are_stubs
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.raster import rods
@@ -116,6 +117,11 @@ class Problem:
     def foot_deviation(self) -> float:
         """mm, of a foot on the plate, as `frametwin.fitting.gauge.held_world` takes it."""
         return foot_deviation(self.elastic.frame, self.outline_error)
+
+    @property
+    def stubs(self) -> np.ndarray:
+        """(E,) array of bool: struts that show little beside their joints; see `frametwin.fitting.stubs`."""
+        return are_stubs(self.frame.chord_lengths, self.frame.radius)
 
     def exact_cameras(self) -> np.ndarray:
         """(N, 10) freedoms of cameras that are where the rig has them."""

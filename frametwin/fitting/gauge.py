@@ -13,6 +13,7 @@ import numpy as np
 from frametwin.fitting.camera_freedoms import FREEDOMS, SHIFT, TURN, rotations, turns, whitening
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.motion import Pose
+from frametwin.fitting.stubs import tell_typical
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 
@@ -116,10 +117,11 @@ def held_world(
 
 
 def _length_ratio(elastic: ElasticFrame, pose: Pose) -> float:
-    """How much longer the struts are than planned: the median."""
+    """How much longer the struts are than planned: the median, of struts whose ends are seen."""
     plan = elastic.frame.control_points
     now = bezier.arc_length(elastic.displaced(plan, pose.joints, pose.inner))
-    return float(np.median(now / bezier.arc_length(plan)))
+    planned = bezier.arc_length(plan)
+    return float(np.median((now / planned)[tell_typical(planned, elastic.frame.radius)]))
 
 
 def _by_similarity(points: np.ndarray) -> np.ndarray:

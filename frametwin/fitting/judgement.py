@@ -43,7 +43,7 @@ TOLD = 5
 """Torn ends that are named."""
 
 
-def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Verdict:
+def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera], struts: np.ndarray | None = None) -> Verdict:
     """Judge a fit.
 
     Parameters
@@ -54,6 +54,8 @@ def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Ver
         The plan of it.
     cameras : sequence of Camera
         Of all views.
+    struts : (E,) array of int, optional
+        What the struts of the part are called in the whole frame; they are counted through by default.
     """
     views = part.views
     if views is None or part.sigma_across is None:
@@ -92,16 +94,17 @@ def verdict(part: PartFit, printed: Wireframe, cameras: Sequence[Camera]) -> Ver
         " belongs to another camera or moment"
         for name in left
     ]
-    return Verdict.of(wrong, doubtful, [*notes, *torn_ends(part), *moved_cameras(views, cameras)])
+    return Verdict.of(wrong, doubtful, [*notes, *torn_ends(part, struts), *moved_cameras(views, cameras)])
 
 
-def torn_ends(part: PartFit) -> list[str]:
-    """A sentence on the ends of struts that are torn off their joints, the widest gaps first."""
+def torn_ends(part: PartFit, struts: np.ndarray | None = None) -> list[str]:
+    """A sentence on the ends of struts that are torn off their joints, the widest gaps first; see `verdict`."""
     if part.attached is None or part.gap is None or part.attached.all():
         return []
     gap = part.gap
     torn = sorted(np.argwhere(~part.attached).tolist(), key=lambda end: -float(gap[end[0], end[1]]))
-    told = [f"strut {e} at its {('start', 'end')[side]} by {gap[e, side]:.1f} mm" for e, side in torn[:TOLD]]
+    names = np.arange(len(gap)) if struts is None else struts
+    told = [f"strut {names[e]} at its {('start', 'end')[side]} by {gap[e, side]:.1f} mm" for e, side in torn[:TOLD]]
     rest = f", and {len(torn) - TOLD} more" if len(torn) > TOLD else ""
     return [f"torn off their joints: {'; '.join(told)}{rest}"]
 

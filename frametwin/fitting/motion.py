@@ -45,6 +45,11 @@ class Pose:
         """With some struts (E,) bent by their joints alone."""
         return replace(self, inner=np.where(struts[:, None], 0.0, self.inner))
 
+    def evened(self, planned: np.ndarray, struts: np.ndarray) -> Pose:
+        """With the radii of some struts (E,) off the planned ones (E,) by the factor of the typical other strut."""
+        factor = np.median((self.radius / planned)[~struts]) if not struts.all() else 1.0
+        return replace(self, radius=np.where(struts, factor * planned, self.radius))
+
 
 def start_pose(elastic: ElasticFrame) -> Pose:
     """The plan itself."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from frametwin.fitting.motion import Pose
+from frametwin.fitting.stubs import are_stubs, tell_typical
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods
@@ -37,10 +38,35 @@ def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
     evidence = rods.plain_evidence(drawn, level)
     weight, slope = evidence[..., 0], evidence[..., 1]
     opacity = np.clip(drawn.opacity - slope / np.maximum(weight, 1e-12), 0.0, 1.0)
-    needed = IN_VIEW * np.median(weight)
+    needed = IN_VIEW * np.median(weight[_typical(drawn)])
     strut_weight = weight.sum(axis=1)
     strut = np.where(strut_weight > needed, (weight * opacity).sum(axis=1) / np.maximum(strut_weight, 1e-12), 1.0)
     return np.where(weight > needed, opacity, strut[:, None]), weight
+
+
+def believed_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
+    """As `seen_opacity`, but stubs are judged together with material of their joints that is thicker than they are.
+
+    It hides them all but for a rim, which is white or dark by a fraction of a pixel.
+    """
+    opacity, weight = seen_opacity(drawn, level)
+    stubs = are_stubs(_chords(drawn), drawn.radius.max(axis=1))
+    if drawn.joint_size is None or not stubs.any():
+        return opacity, weight
+    bare = drawn.joint_size.copy()
+    bare[drawn.edges[stubs]] = 0.0
+    alone, in_view = seen_opacity(replace(drawn, joint_size=bare), level)
+    rows = stubs[:, None]
+    return np.where(rows, alone, opacity), np.where(rows, in_view, weight)
+
+
+def _chords(drawn: Rods) -> np.ndarray:
+    return np.asarray(np.linalg.norm(drawn.control_points[:, 3] - drawn.control_points[:, 0], axis=1))
+
+
+def _typical(drawn: Rods) -> np.ndarray:
+    """(E,) array of bool: struts that tell what is typical of those that are drawn."""
+    return tell_typical(_chords(drawn), drawn.radius.max(axis=1))
 
 
 def without_gaps(opacity: np.ndarray, absent: float, shortest: np.ndarray | None = None) -> np.ndarray:
@@ -81,7 +107,7 @@ def shortest_gap(lengths: np.ndarray, radius: np.ndarray, pieces: int) -> np.nda
 
 def strut_whiteness(drawn: Rods, level: Level) -> np.ndarray:
     """(E,) share of each strut's pixels in plain view that are white."""
-    opacity, weight = seen_opacity(drawn, level)
+    opacity, weight = believed_opacity(drawn, level)
     total = weight.sum(axis=1)
     return np.where(total > 0.0, (weight * opacity).sum(axis=1) / np.maximum(total, 1e-12), 1.0)
 
@@ -95,11 +121,11 @@ def outline_misfit(drawn: Rods, level: Level) -> np.ndarray:
     through = rods.transmittance(drawn, level)
     differs = np.abs(np.float32(1.0) - through - level.target)
     weight, slope = np.moveaxis(rods.opacity_terms(drawn, level, through, differs).sum(axis=1), 1, 0)
-    seen = weight > IN_VIEW * np.median(weight)
+    seen = weight > IN_VIEW * np.median(weight[_typical(drawn)])
     return np.where(seen, 2.0 * slope / np.maximum(weight, 1e-12), 0.0)
 
 
-def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray) -> Pose:
+def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray, hidden: np.ndarray | None = None) -> Pose:
     """One Gauss-Newton step of the struts' radii, each strut's held to the frame's common factor.
 
     Parameters
@@ -107,13 +133,19 @@ def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray) -> Pose
     pose : with the present radii.
     planned : (E,) mm.
     widths : (E, P, 2) curvature and slope of the loss by the radius of each piece.
+    hidden : (E,) array of bool, optional
+        Struts whose own radius is not seen, such as stubs between joints with material of their own: they take the
+        common factor.
     """
     # By the logarithm of the radius, in which a common factor is a common shift.
     curvature = widths[..., 0].sum(axis=1) * pose.radius**2
     slope = widths[..., 1].sum(axis=1) * pose.radius
-    factor = steadied(np.log(pose.radius / planned), curvature, slope)
-    if factor is None:
+    seen = np.ones(len(planned), dtype=bool) if hidden is None else ~hidden
+    told = steadied(np.log(pose.radius / planned)[seen], curvature[seen], slope[seen])
+    if told is None:
         return pose
+    factor = np.full(len(planned), np.median(told))
+    factor[seen] = told
     factor = np.clip(factor, np.log(THINNEST), np.log(THICKEST))
     return replace(pose, radius=planned * np.exp(factor))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -104,23 +104,30 @@ class Pictures:
             edges=np.concatenate([drawn.edges, np.zeros((count, 2), dtype=np.int64)]),
             radius=np.concatenate([drawn.radius, np.repeat(others.radius[:, None], PIECES, axis=1)]),
             opacity=np.concatenate([drawn.opacity, np.ones((count, PIECES))]),
+            joint_size=drawn.joint_size,
         )
         opacity, weight = presence.seen_opacity(both, self.level)
+        needed = presence.IN_VIEW * PIECES * float(np.median(weight))
         opacity, weight = opacity[-count:], weight[-count:]
         total = weight.sum(axis=1)
-        seen = total > presence.IN_VIEW * PIECES * float(np.median(weight))
+        seen = total > needed
         return np.where(seen, (weight * opacity).sum(axis=1) / np.maximum(total, 1e-12), np.nan)
 
 
 def _rods_of(frame: Wireframe, twin: Twin) -> Rods:
-    """The twin's printed struts, as far as they are there."""
+    """The twin's printed struts, as far as they are there, and the material at their joints."""
     printed = frame.printed
     kernel = ((np.arange(PIECES) + 0.5) / PIECES * twin.opacity.shape[1]).astype(int)
     vertices, edges = np.unique(frame.edges[printed], return_inverse=True)
-    return Rods(
+    drawn = Rods(
         control_points=twin.control_points[printed],
         joints=twin.vertices[vertices],
         edges=edges.reshape(-1, 2),
         radius=twin.thickness[printed][:, kernel],
         opacity=(twin.opacity[printed][:, kernel] > 0.5).astype(np.float64),
     )
+    if twin.joint_radius is None:
+        return drawn
+    thickest, found = drawn.joint_radius(), twin.joint_radius[vertices]
+    told = (thickest > 0.0) & (found > 0.0)
+    return replace(drawn, joint_size=np.where(told, found / np.where(told, thickest, 1.0), 1.0))

@@ -52,6 +52,10 @@ ACCEPTABLE = (*guards.KINDS, "contact")
 ALSO_OF_LATER_PICTURES = ("collapsed", "poor-fit", "wrong-twin", "camera-moved", "displacement")
 """Doubts that pictures of a later batch raise too: a twin of fewer struts than the pictures show may go anywhere."""
 
+EVIDENT = 0.25
+"""Share of what the next batch would add to the white in the pictures that the twin must leave unexplained before it is
+asked whether they show that batch. Twins of fewer struts cover some of what the others show."""
+
 
 @dataclass(frozen=True)
 class AnswerOptions:
@@ -325,11 +329,18 @@ def _doubts(step: AnsweredStep, found: _Found, going: Continuation) -> list[Doub
 
 
 def _shows_next_batch(step: AnsweredStep, found: _Found) -> bool:
-    """Whether the pictures are well explained by a print in which the next batch has been laid too."""
+    """Whether the pictures are well explained by a print in which the next batch has been laid too.
+
+    They show more than the twin then. Where they do not, struts of the next batch may be fitted to what others show.
+    """
     following, limits = step.expected.next_struts, step.settings.limits
     if following is None:
         return False
     printed = step.expected.frame.printed.copy()
+    lengths = step.expected.frame.lengths
+    more = float(lengths[following.struts].sum())
+    if found.evidence.unexplained < EVIDENT * more / (float(lengths[printed].sum()) + more):
+        return False
     printed[following.struts] = True
     later = step.expected.frame.replace(printed=printed)
     twin = fit_batch(later, found.cameras, found.masks, freedom=step.settings.cameras).result.twin
