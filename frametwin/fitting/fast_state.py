@@ -22,6 +22,7 @@ from frametwin.fitting.camera_freedoms import (
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.gauge import foot_deviation
+from frametwin.fitting.lenses import lens_blurs
 from frametwin.fitting.levels import Levels
 from frametwin.fitting.motion import Pose, as_rods, start_pose
 from frametwin.geometry.wireframe import Wireframe
@@ -69,9 +70,10 @@ class Problem:
         callback: ProgressCallback | None,
     ) -> Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
-        levels = Levels(frame, Pyramid(cameras, masks))
+        elastic = ElasticFrame(frame)
+        levels = Levels(frame, Pyramid(cameras, masks, lens_blurs(elastic, cameras, masks)))
         known = rig_covariances(cameras, settings.rig_errors)
-        return cls(frame, ElasticFrame(frame), levels, settings, known, callback)
+        return cls(frame, elastic, levels, settings, known, callback)
 
     @property
     def steps(self) -> int:
