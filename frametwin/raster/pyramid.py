@@ -91,7 +91,7 @@ class Pyramid:
     """
 
     def __init__(
-        self, cameras: Sequence[Camera], masks: Sequence[np.ndarray], lens: Sequence[float] | None = None
+        self, cameras: Sequence[Camera], masks: Sequence[np.ndarray], lens: Sequence[float] | np.ndarray | None = None
     ) -> None:
         self.cameras = tuple(cameras)
         self.lens = None if lens is None else np.asarray(lens, dtype=np.float64)
