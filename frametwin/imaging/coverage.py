@@ -27,6 +27,9 @@ SHADED_SPREAD = 0.3
 MODEL_ERROR = 0.05
 """Error of the print's and the background's light, as a share of both."""
 
+SOFTER = 1.12
+"""How many times the blur that explains a photograph best, at most, its blur is taken to be."""
+
 RIM = 1.1
 """How far the shading from the middle of a strut to its side goes on to the rim."""
 
@@ -97,21 +100,21 @@ def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float, blu
     return Coverage(share.astype(np.float32), np.where(outer, 1.0, certain).astype(np.float32))
 
 
-def blur_about(photo: Photograph, silhouette: np.ndarray, margin: float, known: float = 0.0) -> float:
+def blur_about(photo: Photograph, silhouette: np.ndarray, margin: float) -> float:
     """Blur in pixels of a photograph, told by a twin as in `coverage_about`; 0 where it is sharp enough.
 
-    ``known`` is what an earlier look has told. It was no more than that, for edges that are not where they are expected
-    look sharper.
+    Struts that are dark on one side look narrower, and so sharper, than they are. How soft the shares of print are, as
+    colours tell them, mends that in part.
     """
     outside = _outside(silhouette)
-    blur = known if known > 0.0 else _blur(photo, _behind(photo, outside > margin), silhouette)
+    blur = _blur(photo, _behind(photo, outside > margin), silhouette)
     if blur <= SHARP:
         return 0.0
-    behind = _behind(photo, outside > margin + 2.0 * blur)
-    front = shared_light(photo.light, behind, blurred(silhouette, blur))
-    share = _unmixed(photo, front, behind, SHADED_SPREAD)
-    share[outside > margin + 2.0 * blur] = 0.0
-    return max(blur, lens_blur(share, silhouette, edge_spread(share)))
+    outer = outside > margin + 2.0 * blur
+    behind = _behind(photo, outer)
+    share = _unmixed(photo, shared_light(photo.light, behind, blurred(silhouette, blur)), behind, SHADED_SPREAD)
+    share[outer] = 0.0
+    return float(np.clip(lens_blur(share, silhouette, edge_spread(share)), blur, SOFTER * blur))
 
 
 def half_width(silhouette: np.ndarray) -> float:
