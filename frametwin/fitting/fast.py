@@ -72,7 +72,7 @@ def _result(found: Consistent) -> PartFit:
     field = field_through(problem.frame, rods.control_points, settings.field_cells, led)
     doubt = _uncertainty(found, rods)
     state = state.lapped("field")
-    return PartFit(
+    part = PartFit(
         control_points=rods.control_points,
         vertices=rods.joints[: torn.planned],
         thickness=rods.radius,
@@ -88,6 +88,7 @@ def _result(found: Consistent) -> PartFit:
         attached=torn.attached(struts),
         gap=torn.gaps(rods.joints, struts),
     )
+    return found.halves.joined(part, settings.degree)
 
 
 def _uncertainty(found: Consistent, rods: Rods) -> Uncertainty:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frametwin.fitting import presence
-from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import Stage
 from frametwin.fitting.fast_stages import free_stage
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of, terms_of
@@ -158,7 +157,7 @@ def _suspects(problem: Problem, state: State, stage: Stage, torn: Torn) -> tuple
     gain, shift = _gain_of_ends(terms)
     radius = state.pose.radius[:, None]
     far = np.linalg.norm(shift, axis=2)
-    asks = (gain > GAIN * _scale(problem, stage)) & (far > REACH * radius)
+    asks = (gain > GAIN * scale_of(problem, stage)) & (far > REACH * radius)
     asks[torn.ends[:, 0], torn.ends[:, 1]] = False
     edges = problem.frame.edges
     asks &= problem.frame.degree[edges] > 1
@@ -184,7 +183,7 @@ def _gain_of_ends(terms: Terms) -> tuple[np.ndarray, np.ndarray]:
     return -0.5 * (slope * shift).sum(axis=-1), shift
 
 
-def _scale(problem: Problem, stage: Stage) -> float:
+def scale_of(problem: Problem, stage: Stage) -> float:
     """Squared pixels of a stage to one where the typical radius is 1.8 pixels."""
     return (problem.levels.pixels_per_mm(stage.detail) * float(np.median(problem.frame.radius)) / 1.8) ** 2
 
@@ -193,8 +192,7 @@ def separated(plan: Problem, torn: Torn) -> Problem:
     """The problem with a vertex of its own for every torn end."""
     if not len(torn.ends):
         return plan
-    frame = plan.frame.detached(torn.ends)
-    return replace(plan, frame=frame, elastic=ElasticFrame(frame))
+    return plan.with_frame(plan.frame.detached(torn.ends))
 
 
 def _freed(problem: Problem, state: State, torn: Torn, shift: np.ndarray) -> State:
@@ -251,7 +249,7 @@ def _apart(problem: Problem, state: State, torn: Torn, stage: Stage, least: tupl
     radius = state.pose.radius[strut]
     return np.asarray(
         (np.linalg.norm(gap, axis=1) > least[0] * radius)
-        & (rise > least[1] * _scale(problem, stage))
+        & (rise > least[1] * scale_of(problem, stage))
         & (white > WHITE)
         & (off[strut] < max(BESIDE, APART * float(np.median(off))))
         & (np.abs(length - planned) < np.maximum(STRETCH * planned, radius))
