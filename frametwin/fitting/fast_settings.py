@@ -129,8 +129,8 @@ class FastSettings(Changeable):
     kernels_per_strut: Annotated[int, within(1, 1000)] = 20
     cells: Annotated[int, within(1, 6)] = 1
     coarse: tuple[CoarseStage, ...] = (
-        CoarseStage(detail=0.5, blur=1.5, iterations=14, pieces=2),
-        CoarseStage(detail=0.9, blur=1.5, iterations=10, pieces=2),
+        CoarseStage(detail=0.25, blur=0.75, iterations=14, pieces=2, longest=0.5),
+        CoarseStage(detail=0.45, blur=0.75, iterations=10, pieces=2, longest=0.5),
         CoarseStage(detail=0.9, blur=0.7, iterations=6, pieces=4),
     )
     refine: Annotated[tuple[Stage, ...], some("one stage or more")] = (

@@ -19,6 +19,7 @@ from frametwin.fitting.camera_freedoms import (
     rig_covariances,
     with_cameras,
 )
+from frametwin.fitting.cropping import cropped
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.gauge import foot_deviation
@@ -74,7 +75,8 @@ class Problem:
     ) -> Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
         elastic = ElasticFrame(frame)
-        levels = Levels(frame, Pyramid(cameras, masks, lens_blurs(elastic, cameras, masks)))
+        parts = cropped(frame, cameras, masks)
+        levels = Levels(frame, Pyramid(*parts, lens_blurs(elastic, *parts)))
         known = rig_covariances(cameras, settings.rig_errors)
         return cls(frame, elastic, levels, settings, known, callback)
 

@@ -29,6 +29,10 @@ REACH = 0.8
 LIKELY_GAP, GAP = 1.2, 1.5
 """... and from which, once it was fitted by itself, it is taken as torn: in its trial, and in sharper pictures."""
 
+BACK = 0.6
+"""Radii from their joints at which all ends of a trial may be for it to be given up at once: those that are torn by
+enough to be told were beyond twice that after its first stage."""
+
 FURTHEST = 8.0
 """Radii by which an end is moved at the start of its trial, at most: the terms are linear."""
 
@@ -126,6 +130,8 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
         tried = _freed(trial, state, trial_torn, shift)
         for again in problem.settings.refine[-2:]:
             tried = free_stage(trial, tried, replace(again, iterations=min(again.iterations, TRIAL)))
+            if _came_back(tried, trial_torn, len(torn.ends)):
+                return problem, replace(state, record=tried.record).lapped("torn ends"), torn
         kept = _apart(trial, tried, trial_torn, stage, (LIKELY_GAP, LIKELY))
         found = trial_torn.only(kept)
         if not kept[len(torn.ends) :].any():
@@ -135,6 +141,13 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
         torn = found
         state = free_stage(problem, state, stage)
     return problem, state.lapped("torn ends"), torn
+
+
+def _came_back(state: State, torn: Torn, known: int) -> bool:
+    """Whether all ends after the first ``known`` are at their joints again, or nearly so."""
+    ends = state.pose.joints[torn.planned + known :, :3]
+    gap = np.linalg.norm(ends - state.pose.joints[torn.joints[known:], :3], axis=1)
+    return bool((gap < BACK * state.pose.radius[torn.ends[known:, 0]]).all())
 
 
 def rejoined(plan: Problem, problem: Problem, state: State, torn: Torn, stage: Stage) -> tuple[Problem, State, Torn]:
