@@ -120,3 +120,10 @@ def test_the_next_look_is_taken_through_the_cameras_that_were_found(monkeypatch:
     assert len(seen) == 1  # the second fit is where the first was: no further look
     for camera, view in zip(seen[0], capture.views, strict=True):
         np.testing.assert_allclose(camera.centre - view.camera.centre, shift)
+
+
+def test_outlines_are_more_doubtful_out_of_focus_than_in_focus() -> None:
+    black = np.zeros((4, 4), np.float32)
+    sharp, soft, unused = ViewMask(black), ViewMask(black, blur=2.0), ViewMask(black, used=False, blur=9.0)
+    assert photo_fit.outline_doubt([sharp, unused]) == photo_fit.OUTLINE_OF_MASKS
+    assert photo_fit.outline_doubt([soft, unused]) > 2.0 * photo_fit.outline_doubt([sharp])

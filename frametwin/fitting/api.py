@@ -23,9 +23,9 @@ from frametwin.fitting.fast_settings import FastSettings
 from frametwin.fitting.judgement import judged_on_photographs, verdict
 from frametwin.fitting.part_fit import KernelCloud, PartFit
 from frametwin.fitting.photo_fit import (
-    OUTLINE_OF_MASKS,
     ROUNDS,
     fit_by_turns,
+    outline_doubt,
     outline_error,
     shows_photographs,
     typical_correction,
@@ -126,7 +126,7 @@ def fit_capture(
         part = capture.frame.printed
         loose = float(np.median((twin.sigma_across / capture.frame.radius)[part])) if part.any() else 0.0
         judged = judged_on_photographs(twin.verdict, loose, looked.moved, typical_correction(twin))
-        twin = _with_doubt_of_masks(twin.replace(verdict=judged), capture)
+        twin = _with_doubt_of_masks(twin.replace(verdict=judged), capture, outline_doubt(looked.masks))
     if placed is not None:
         twin = placed.told(twin)
     timing = {"read": read, **twin.timing, "total": perf_counter() - began}
@@ -134,11 +134,11 @@ def fit_capture(
     return replace(result, twin=twin.replace(timing=timing, provenance=provenance))
 
 
-def _with_doubt_of_masks(twin: Twin, capture: Capture) -> Twin:
+def _with_doubt_of_masks(twin: Twin, capture: Capture, outline: float) -> Twin:
     """The twin of photographs, whose standard deviations also hold how well their masks have the struts' outlines."""
     middle = capture.frame.bounds.mean(axis=0)
     scales = [view.camera.fl_x / np.linalg.norm(middle - view.camera.centre) for view in capture.views]
-    doubt = OUTLINE_OF_MASKS / float(np.median(scales))
+    doubt = outline / float(np.median(scales))
     wider = {name: getattr(twin, name) for name in ("sigma_across", "sigma_along")}
     return twin.replace(**{name: np.hypot(sigma, doubt) for name, sigma in wider.items() if sigma is not None})
 

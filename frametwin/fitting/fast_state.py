@@ -23,6 +23,7 @@ from frametwin.fitting.cropping import cropped
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.gauge import foot_deviation
+from frametwin.fitting.lenses import lens_blurs
 from frametwin.fitting.levels import Levels
 from frametwin.fitting.motion import Pose, as_rods, start_pose
 from frametwin.fitting.stubs import are_stubs
@@ -74,9 +75,11 @@ class Problem:
         callback: ProgressCallback | None,
     ) -> Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
-        levels = Levels(frame, Pyramid(*cropped(frame, cameras, masks)))
+        elastic = ElasticFrame(frame)
+        parts = cropped(frame, cameras, masks)
+        levels = Levels(frame, Pyramid(*parts, lens_blurs(elastic, *parts)))
         known = rig_covariances(cameras, settings.rig_errors)
-        return cls(frame, ElasticFrame(frame), levels, settings, known, callback)
+        return cls(frame, elastic, levels, settings, known, callback)
 
     @property
     def steps(self) -> int:

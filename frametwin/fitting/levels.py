@@ -43,7 +43,10 @@ class Levels:
     def of_views(self, chosen: np.ndarray) -> Levels:
         """Those of some of the views alone."""
         pyramid = self._pyramid
-        return Levels(self._frame, Pyramid([pyramid.cameras[i] for i in chosen], [pyramid.masks[i] for i in chosen]))
+        lens = None if pyramid.lens is None else pyramid.lens[chosen]
+        return Levels(
+            self._frame, Pyramid([pyramid.cameras[i] for i in chosen], [pyramid.masks[i] for i in chosen], lens)
+        )
 
     def at(self, detail: float, blur: float) -> Level:
         """The pictures reduced, never enlarged, and blurred.

@@ -141,6 +141,12 @@ def outline_error(masks: Sequence[ViewMask]) -> float:
     return OUTLINE_OF_MASKS if shows_photographs(masks) else 0.0
 
 
+def outline_doubt(masks: Sequence[ViewMask]) -> float:
+    """Pixels by which a strut of photographs may be elsewhere: more where they are out of focus."""
+    used = [mask.blur for mask in masks if mask.used]
+    return OUTLINE_OF_MASKS * (1.0 + float(np.median(used))) if used else OUTLINE_OF_MASKS
+
+
 def typical_correction(twin: Twin) -> float:
     """Standard deviations of its rig by which the typical camera was corrected; 0 where all stay."""
     return float(np.median([camera["sigmas"] for camera in twin.cameras])) if twin.cameras else 0.0

@@ -16,15 +16,19 @@ import numpy as np
 from frametwin.imaging.focus import blur_of, blurred, shared_light
 from frametwin.imaging.light import spread
 from frametwin.imaging.photograph import TINT, Photograph
+from frametwin.raster.lens_blur import edge_spread, lens_blur
 
 SUM_SPREAD = 0.05
 """By how much the shares of a pixel may miss one, in the weights of the comparison."""
 
 SHADED_SPREAD = 0.3
-"""The same where a strut's shading from side to side cannot be seen, so that its brightness tells little."""
+"""The same out of focus, where a strut's shading from side to side cannot be seen and its brightness tells little."""
 
 MODEL_ERROR = 0.05
 """Error of the print's and the background's light, as a share of both."""
+
+SOFTER = 1.12
+"""How many times the blur that explains a photograph best, at most, its blur is taken to be."""
 
 RIM = 1.1
 """How far the shading from the middle of a strut to its side goes on to the rim."""
@@ -66,15 +70,13 @@ class Coverage:
     ----------
     share : (H, W) float32, of each pixel that is print; where print and background look alike, the twin's own.
     certain : (H, W) float32, 0 where nothing could be told, 1 where everything.
-    blur : of the photograph, standard deviation in pixels.
     """
 
     share: np.ndarray
     certain: np.ndarray
-    blur: float
 
 
-def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float) -> Coverage:
+def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float, blur: float = 0.0) -> Coverage:
     """Coverage from a photograph and a twin that is right to within a margin.
 
     Parameters
@@ -85,18 +87,46 @@ def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float) -> 
         The twin's, 0..1, with the camera's lens distortion if the photograph has it.
     margin
         Pixels by which the twin's outlines may be wrong.
+    blur
+        Of the photograph in pixels, if it has so much that no pixel need be wholly print.
     """
-    inside = (silhouette > 0.5).astype(np.uint8)
-    outside = cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5)
-    blur = _blur(photo, _behind(photo, outside > margin), silhouette)
-    outer = outside > margin + (2.0 * blur if blur > SHARP else 0.0)
+    outer = _outside(silhouette) > margin + 2.0 * blur
     behind = _behind(photo, outer)
-    if blur > SHARP:
+    if blur > 0.0:
         share, certain = _out_of_focus(photo, behind, blurred(silhouette, blur))
         share = np.where(outer, 0.0, share)
     else:
         share, certain = _in_focus(photo, behind, silhouette, outer, margin)
-    return Coverage(share.astype(np.float32), np.where(outer, 1.0, certain).astype(np.float32), blur)
+    return Coverage(share.astype(np.float32), np.where(outer, 1.0, certain).astype(np.float32))
+
+
+def blur_about(photo: Photograph, silhouette: np.ndarray, margin: float) -> float:
+    """Blur in pixels of a photograph, told by a twin as in `coverage_about`; 0 where it is sharp enough.
+
+    Struts that are dark on one side look narrower, and so sharper, than they are. How soft the shares of print are, as
+    colours tell them, mends that in part.
+    """
+    outside = _outside(silhouette)
+    blur = _blur(photo, _behind(photo, outside > margin), silhouette)
+    if blur <= SHARP:
+        return 0.0
+    outer = outside > margin + 2.0 * blur
+    behind = _behind(photo, outer)
+    share = _unmixed(photo, shared_light(photo.light, behind, blurred(silhouette, blur)), behind, SHADED_SPREAD)
+    share[outer] = 0.0
+    return float(np.clip(lens_blur(share, silhouette, edge_spread(share)), blur, SOFTER * blur))
+
+
+def half_width(silhouette: np.ndarray) -> float:
+    """Of a typical strut in pixels: half of a straight one's pixels lie more than half as deep."""
+    inside = (silhouette > 0.5).astype(np.uint8)
+    depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5)[inside > 0]
+    return 2.0 * float(np.median(depth)) if depth.size else 0.0
+
+
+def _outside(silhouette: np.ndarray) -> np.ndarray:
+    """How many pixels each pixel (H, W) is from a silhouette."""
+    return np.asarray(cv2.distanceTransform((silhouette <= 0.5).astype(np.uint8), cv2.DIST_L2, 5))
 
 
 def _blur(photo: Photograph, behind: np.ndarray, silhouette: np.ndarray) -> float:

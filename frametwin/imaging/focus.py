@@ -9,6 +9,8 @@ twin's would be: how much edges there are does not depend on where they are.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -48,7 +50,8 @@ def blur_of(light: np.ndarray, behind: np.ndarray, silhouette: np.ndarray) -> fl
     rows, columns = np.flatnonzero(near.any(axis=1)), np.flatnonzero(near.any(axis=0))
     window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     light, behind, silhouette, near = light[window], behind[window], silhouette[window], near[window]
-    best, least = 0.0, np.inf
+    least = np.inf
+    rests: list[float] = []
     for blur in BLURS:
         share = blurred(silhouette, blur)
         front = shared_light(light, behind, share)
@@ -56,10 +59,21 @@ def blur_of(light: np.ndarray, behind: np.ndarray, silhouette: np.ndarray) -> fl
             return 0.0
         missed = light - share[..., None] * front - (1.0 - share[..., None]) * behind
         rest = float((missed[near] ** 2).mean())
+        rests.append(rest)
         if rest > least:
             break
-        best, least = blur, rest
-    return best
+        least = rest
+    return _lowest(BLURS[: len(rests)], rests)
+
+
+def _lowest(blurs: Sequence[float], rests: Sequence[float]) -> float:
+    """Where the parabola through the lowest value and its two neighbours is lowest."""
+    middle = int(np.argmin(rests))
+    if not 0 < middle < len(rests) - 1:
+        return blurs[middle]
+    near = slice(middle - 1, middle + 2)
+    second, first, _ = np.polyfit(blurs[near], rests[near], 2)
+    return float(-0.5 * first / second) if second > 0.0 else blurs[middle]
 
 
 def _edges(picture: np.ndarray, near: np.ndarray) -> float:

@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frametwin.imaging.colours import as_common_outside, darker_than_shadows, tinted_as_print
-from frametwin.imaging.coverage import coverage_about, first_coverage
+from frametwin.imaging.coverage import blur_about, coverage_about, first_coverage, half_width
+from frametwin.imaging.focus import blurred
 from frametwin.imaging.light import spread
 from frametwin.imaging.photograph import Photograph
+from frametwin.imaging.refocus import GENTLE, refocused
 
 LEAST_FOUND, MOST_FOUND = 0.25, 3.0
 """Share of the plan's pixels that a view must show, and may."""
@@ -25,6 +27,14 @@ LEAST_TOLD = 0.3
 
 LEAST_RANGE = 12
 """Difference of the brightest and darkest pixels, of 255, below which a picture shows nothing."""
+
+THICK = 2.5
+"""Half widths of a strut in blurs, from which a photograph can be made so sharp that the middles of struts are wholly
+print. Thinner ones keep neither their width nor their place by it."""
+
+EVENED = 1.0
+"""Blur in pixels of the mask of a photograph that was made sharp, whose noise was raised by it. The fit draws struts as
+soft (`frametwin.raster.lens_blur`)."""
 
 MARGIN = 0.6
 """By how many mm the first twin may be off."""
@@ -103,7 +113,16 @@ def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN)
         return mask
     photo = mask.photo
     pixels = max(2.0, margin * photo.neighbourhood.pixels_per_mm)
-    about = coverage_about(photo, silhouette, pixels)
+    blur = mask.blur or blur_about(photo, silhouette, pixels)
+    if half_width(silhouette) < THICK * blur:
+        about = coverage_about(photo, silhouette, pixels, blur)
+    elif blur > 0.0 and mask.blur == 0.0:  # what was seen out of focus is too far off to look about it
+        return replace(photo_mask(refocused(photo, blur, GENTLE)), valid=mask.valid, photo=photo, blur=blur)
+    elif blur > 0.0:
+        about = coverage_about(refocused(photo, blur), silhouette, pixels)
+        about = replace(about, share=blurred(about.share, EVENED))
+    else:
+        about = coverage_about(photo, silhouette, pixels)
     coverage, certain = about.share, about.certain
     if mask.valid is not None:
         known = mask.valid > 0.0
@@ -111,7 +130,7 @@ def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN)
         certain = np.where(known, certain, 0.0).astype(np.float32)
     told = float(certain[silhouette > 0.5].mean()) if (silhouette > 0.5).any() else 0.0
     reason = "" if told >= LEAST_TOLD else f"print and background look alike in it (only {told:.0%} can be told apart)"
-    return replace(mask, coverage=coverage, valid=certain, used=not reason, reason=reason, blur=about.blur)
+    return replace(mask, coverage=coverage, valid=certain, used=not reason, reason=reason, blur=blur)
 
 
 def nothing_to_see(image: np.ndarray) -> str:

@@ -127,6 +127,13 @@ def _assemble(
     return Photograph(light, background, factor, variance, np.sqrt(power), where, gain, noise, has_reference)
 
 
+def with_light(found: Photograph, light: np.ndarray, background: np.ndarray, variance: np.ndarray) -> Photograph:
+    """The same with other light (H, W, 3) of picture and background, and its variance (H, W, 3)."""
+    return _assemble(
+        light, background, variance, found.neighbourhood, found.gain, found.noise, has_reference=found.has_reference
+    )
+
+
 def _gain(light: np.ndarray, before: np.ndarray) -> float:
     """The commonest ratio of two sets of pixels: shadows and sheen change some of them, exposure changes all."""
     usable = (before > 0.01) & (light > 0.003)

@@ -15,6 +15,9 @@ PIXEL_VARIANCE = 1.0 / 12.0
 """Of a square pixel, in pixels^2."""
 
 
+SLIGHT = 0.7
+"""Blur of a lens in pixels below which struts are blurred one by one, as they are drawn."""
+
 KEPT = 0.5
 """Largest share of their size at which reduced pictures are kept; larger ones would fill the memory."""
 
@@ -30,6 +33,7 @@ class Level:
     offsets : (N,) where each view starts.
     spread : s of the rods in pixels, sqrt(1/12 + blur^2).
     target : (pixels,) float32.
+    lens : (N,) blur in pixels of this size that each picture had from its lens; ``None`` for sharp pictures.
     kept : what was last drawn here, so that it need not be drawn again; see `frametwin.raster.rods`.
     """
 
@@ -38,7 +42,32 @@ class Level:
     offsets: np.ndarray
     spread: float
     target: np.ndarray
+    lens: np.ndarray | None = None
     kept: dict[str, tuple[tuple[np.ndarray, ...], np.ndarray]] = field(init=False, repr=False, default_factory=dict)
+
+    @property
+    def spreads(self) -> np.ndarray:
+        """(N,) spread in pixels of a rod's edge in each picture, the blur of its lens included."""
+        return np.hypot(self.spread, self._lens)
+
+    @property
+    def drawn_spreads(self) -> np.ndarray:
+        """(N,) the same of rods as they are drawn; what is left of the lens's blur is for `defocus`."""
+        return np.hypot(self.spread, np.where(self._lens < SLIGHT, self._lens, 0.0))
+
+    @property
+    def _lens(self) -> np.ndarray:
+        return np.zeros(len(self.shapes)) if self.lens is None else self.lens
+
+    def defocus(self, through: np.ndarray) -> None:
+        """Blur pictures of rods (pixels,) as the lenses have blurred those that they are held against, in place.
+
+        What several struts cover together is blurred as a whole: blurred one by one and then blended, struts that
+        cross or run close by each other would cover less.
+        """
+        for picture, blur in zip(self.pictures(through), self._lens, strict=True):
+            if blur >= SLIGHT:
+                cv2.GaussianBlur(picture, (0, 0), float(blur), dst=picture, borderType=cv2.BORDER_REPLICATE)
 
     def pictures(self, flat: np.ndarray) -> list[np.ndarray]:
         """A flat buffer as one (H, W) view a camera."""
@@ -57,10 +86,15 @@ class Pyramid:
         Without lens distortion.
     masks
         One (H, W) picture a camera, 0..1, of the camera's size.
+    lens
+        Blur of each picture by its lens, standard deviation in pixels; none by default.
     """
 
-    def __init__(self, cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> None:
+    def __init__(
+        self, cameras: Sequence[Camera], masks: Sequence[np.ndarray], lens: Sequence[float] | np.ndarray | None = None
+    ) -> None:
         self.cameras = tuple(cameras)
+        self.lens = None if lens is None else np.asarray(lens, dtype=np.float64)
         self.masks = tuple(np.ascontiguousarray(mask, dtype=np.float32) for mask in masks)
         self._last: tuple[float, tuple[list[Camera], list[np.ndarray]]] = (0.0, ([], []))
 
@@ -83,6 +117,7 @@ class Pyramid:
             offsets=np.concatenate([[0], np.cumsum(shapes.prod(axis=1))[:-1]]),
             spread=sqrt(PIXEL_VARIANCE + blur * blur),
             target=np.concatenate([picture.ravel() for picture in pictures]).astype(np.float32, copy=False),
+            lens=None if self.lens is None else scale * self.lens,
         )
 
     def _reduced(self, scale: float) -> tuple[list[Camera], list[np.ndarray]]:

@@ -277,14 +277,14 @@ def _darken_piece(p, q, cut_p, cut_q, camera, radius, alpha, height, width, star
 
 
 @nb.njit(parallel=True, cache=True, fastmath=True)
-def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offsets, spread, transmittance):
+def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offsets, spreads, transmittance):
     """Transmittance of all views.
 
     points (E, P+1, 3), radius and opacity (E, P), joints (V, 3), joint_radius (V,) with 0 for none, cameras
-    (N, 17), shapes (N, 2) height and width, offsets (N,), spread in pixels, transmittance (pixels,) float32, out.
+    (N, 17), shapes (N, 2) height and width, offsets (N,), spreads (N,) in pixels, transmittance (pixels,) float32, out.
     """
     for v in nb.prange(cameras.shape[0]):
-        camera = cameras[v]
+        camera, spread = cameras[v], spreads[v]
         height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
         for i in range(start, start + height * width):
             transmittance[i] = 1.0
@@ -492,7 +492,7 @@ def gather_struts(
     cameras,
     shapes,
     offsets,
-    spread,
+    spreads,
     transmittance,
     residual,
     basis,
@@ -524,7 +524,7 @@ def gather_struts(
             widths[k, p, 0] = 0.0
             widths[k, p, 1] = 0.0
         for v in range(cameras.shape[0]):
-            camera = cameras[v]
+            camera, spread = cameras[v], spreads[v]
             if not single:
                 slope[:] = 0.0
                 own[:] = 0.0
@@ -606,7 +606,7 @@ def _to_control_points(basis, own, cross, slope, hessian, gradient):
 
 @nb.njit(parallel=True, cache=True, fastmath=True)
 def gather_joints(
-    joints, joint_radius, cameras, shapes, offsets, spread, transmittance, residual, hessian, gradient, widths
+    joints, joint_radius, cameras, shapes, offsets, spreads, transmittance, residual, hessian, gradient, widths
 ):
     """Gauss-Newton terms of the joints' discs: hessian (V, S, 3, 3), gradient (V, S, 3), S as in `gather_struts`, and
     widths (V, 2), curvature and slope by the discs' radius, are overwritten."""
@@ -620,7 +620,7 @@ def gather_joints(
         row = np.empty(3)
         mx, my = np.empty(3), np.empty(3)
         for v in range(cameras.shape[0]):
-            camera = cameras[v]
+            camera, spread = cameras[v], spreads[v]
             height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
             x, y, z = _joint(joints[k], camera)
             if z < 0.0:
@@ -666,7 +666,7 @@ def gather_joints(
 
 
 @nb.njit(parallel=True, cache=True, fastmath=True)
-def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spread, transmittance, residual, evidence):
+def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spreads, transmittance, residual, evidence):
     """What the pictures say of each piece's presence.
 
     evidence (E, P, 2), out: the squared weight W = sum (T_others c)^2 and the slope sum residual T_others c, so
@@ -679,7 +679,7 @@ def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spread, tr
             evidence[k, p, 0] = 0.0
             evidence[k, p, 1] = 0.0
         for v in range(cameras.shape[0]):
-            camera = cameras[v]
+            camera, spread = cameras[v], spreads[v]
             height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
             if not _project(points[k], camera, line):
                 continue

@@ -153,9 +153,10 @@ def transmittance(rods: Rods, level: Level) -> np.ndarray:
         level.cameras,
         level.shapes,
         level.offsets,
-        level.spread,
+        level.drawn_spreads,
         result,
     )
+    level.defocus(result)
     if result.size <= KEPT:
         level.kept["transmittance"] = (drawing, result)
     return result
@@ -213,7 +214,7 @@ def _gather(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray,
     widths, joint_widths = np.empty((count, pieces, 2)), np.empty((len(rods.joints), 2))
     joint_hessian = np.empty((len(rods.joints), slots, 3, 3))
     joint_gradient = np.empty((len(rods.joints), slots, 3))
-    view = (level.cameras, level.shapes, level.offsets, level.spread, through, residual)
+    view = (level.cameras, level.shapes, level.offsets, level.spreads, through, residual)
     radius = np.ascontiguousarray(rods.radius, dtype=np.float64)
     opacity = np.ascontiguousarray(rods.opacity, dtype=np.float64)
     rod_kernels.gather_struts(points, radius, opacity, *view, basis(pieces), hessian, gradient, widths)
@@ -232,7 +233,7 @@ def opacity_terms(rods: Rods, level: Level, through: np.ndarray, residual: np.nd
         level.cameras,
         level.shapes,
         level.offsets,
-        level.spread,
+        level.spreads,
         through,
         residual,
         evidence,
