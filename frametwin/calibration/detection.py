@@ -115,7 +115,10 @@ def find_corners(grey: NDArray[np.uint8], board: Board, look: Look) -> tuple[Int
     """
     seen = grey if not look.inverted else np.asarray(255 - grey, dtype=np.uint8)
     seen = np.ascontiguousarray(seen[:, ::-1]) if look.mirrored else seen
-    parts = [_find_face(seen, face, look.legacy) for face in faces(board)]
+    several = board.kind == "cuboid"  # a face that is seen steeply is left out if there are others
+    parts = [_find_face(seen, face, look.legacy, not several) for face in faces(board)]
+    if several and not any(len(part[0]) for part in parts):
+        parts = [_find_face(seen, face, look.legacy) for face in faces(board)]
     corners = np.concatenate([part[0] for part in parts])
     pixels = np.concatenate([part[1] for part in parts]) + 0.5
     if look.mirrored:
@@ -130,7 +133,7 @@ def object_points(board: Board, corners: Integers, look: Look) -> Floats:
     return points * (-1.0, 1.0, 1.0) if look.mirrored else points
 
 
-def _find_face(grey: NDArray[np.uint8], face: Face, legacy: bool) -> tuple[Integers, Floats]:
+def _find_face(grey: NDArray[np.uint8], face: Face, legacy: bool, windows: bool = True) -> tuple[Integers, Floats]:
     if face.kind == "checkerboard":
         pixels = find_checkerboard(grey, face.columns, face.rows)
         numbers = np.arange(0 if pixels is None else len(pixels))
@@ -139,7 +142,7 @@ def _find_face(grey: NDArray[np.uint8], face: Face, legacy: bool) -> tuple[Integ
     good = consistent(face.flat_corners[numbers], pixels, STRAY * face.square)
     numbers, pixels = numbers[good], pixels[good]
     if face.kind == "charuco" and len(numbers):
-        pixels = refined_charuco(grey, face, numbers, pixels)
+        pixels = refined_charuco(grey, face, numbers, pixels, windows)
         numbers, pixels = numbers[np.isfinite(pixels[:, 0])], pixels[np.isfinite(pixels[:, 0])]
         if face.name:  # a face of a block is so small that no lens bends it
             good = consistent(face.flat_corners[numbers], pixels, STRAY_ON_FACE * face.square)

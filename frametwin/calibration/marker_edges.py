@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from frametwin.calibration.edges import edge_positions
+from frametwin.calibration.edges import edge_profiles
 
 Floats = NDArray[np.float64]
 
@@ -69,11 +69,11 @@ def _edge(grey: NDArray[np.uint8], begin: Floats, end: Floats, modules: int) -> 
     across = np.linspace(-reach, reach, SAMPLES)
     middles = begin + np.linspace(*ALONG, STATIONS)[:, None] * along
     places = middles[:, None] + across[:, None] * outward
-    positions, contrast = edge_positions(grey, places, reach)
-    good = np.isfinite(positions) & (contrast > 0.0)
+    seen = edge_profiles(grey, places, reach)
+    good = np.isfinite(seen.positions) & (seen.contrast > 0.0)
     if good.sum() < STATIONS // 2:
         return None
-    points = middles[good] + positions[good, None] * outward
+    points = middles[good] + seen.positions[good, None] * outward
     return _robust_line(points)
 
 

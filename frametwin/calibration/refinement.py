@@ -22,7 +22,7 @@ LARGEST_STEP = 1.6
 """Pixels from OpenCV's corner to the refined one; beyond that another thing was found."""
 
 
-def refined_charuco(grey: Grey, face: Face, numbers: Integers, pixels: Floats) -> Floats:
+def refined_charuco(grey: Grey, face: Face, numbers: Integers, pixels: Floats, windows: bool = True) -> Floats:
     """Corners of a ChArUco board, in what no marker reaches into.
 
     OpenCV's own are half a pixel off in some versions (4.11), and its windows may touch the markers.
@@ -37,6 +37,8 @@ def refined_charuco(grey: Grey, face: Face, numbers: Integers, pixels: Floats) -
         Which of its corners; at least four that span it.
     pixels : (N, 2) array
         Where they are, about; pixel centres are whole numbers.
+    windows
+        Whether corners that are too small to be measured by their edges are wanted all the same, less certain.
 
     Returns
     -------
@@ -46,6 +48,8 @@ def refined_charuco(grey: Grey, face: Face, numbers: Integers, pixels: Floats) -
     flat = face.flat_corners[numbers]
     free = 0.5 * (face.square - face.marker)
     found = _by_edges(grey, flat, pixels, face.square, free)
+    if found is None and not windows:
+        return np.full_like(pixels, np.nan)
     if found is None:
         plane = _homography(flat, pixels)
         scales = [float(np.linalg.svd(_axes(plane, place), compute_uv=False)[1]) for place in flat]
