@@ -51,7 +51,7 @@ STRAY_SIGMAS, STRAY_LEAST = 5.0, 0.5
 
 ROBUST_PX = 0.5
 
-NOMINAL_PX = 0.1
+NOMINAL_PX = 0.25
 """Standard deviation of a corner, before it is known, with which it is weighed against what is known beforehand."""
 
 SQUARE_SHARE, MIDDLE_SHARE, TANGENTIAL = 0.002, 0.04, 0.002

@@ -185,10 +185,10 @@ def adjust(joint: Joint, watch: Callable[[], object] | None = None) -> Adjusted:
 
 
 def _weighed(joint: Joint, solution: Solution) -> Joint:
-    """With corners as sure as they are seen to be; moments may be none, so the boards of single cameras tell."""
+    """With corners as sure as they are seen to be; where boards moved within moments, nothing tells that."""
     alone, moments, thing = _groups(joint)
-    boards = solution.residuals[alone] or solution.residuals[moments]
-    board_px = max(_usual_distance(boards), LEAST_PX) if boards else joint.board_px
+    boards = [left for group in (alone, moments) for left in solution.residuals[group]]
+    board_px = max(_usual_distance(boards), LEAST_PX) if boards and joint.motion_mm <= 0.0 else NOMINAL_PX
     things = solution.residuals[thing]
     thing_px = float(np.clip(_usual_distance(things), board_px, LARGEST_RATIO * board_px)) if things else board_px
     return replace(joint, board_px=board_px, thing_px=thing_px)
