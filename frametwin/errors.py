@@ -65,6 +65,12 @@ class FrameTwinError(Exception):
             told.args = (f"{os.fspath(source)}: {self}",)
         return told
 
+    def with_field(self, field: str) -> Self:
+        """The same problem under another name of its field: the one by which its user knows it."""
+        told = copy.copy(self)
+        told._take(self.source, field, self.problem, self.remedy)
+        return told
+
     def rename(self, hidden: str, shown: str) -> None:
         """Name a file or folder that the user knows in place of one that stood in for it."""
         self.args = tuple(arg.replace(hidden, shown) if isinstance(arg, str) else arg for arg in self.args)

@@ -142,6 +142,11 @@ def in_words(wanted: str) -> InWords:
 Share = Annotated[float, within(0.0, 1.0, "a share")]
 Seed = Annotated[int, at_least(0)]
 Tilt = Annotated[float, at_least(0.0, below=90.0, noun="degrees")]
+ViewCount = Annotated[int, within(2, 1000), in_words("a whole number from 2 to 1000, 8 are usual")]
+PictureSize = Annotated[
+    tuple[Annotated[int, within(8, 16384)], Annotated[int, within(8, 16384)]],
+    in_words("height and width from 8 to 16384 pixels"),
+]
 """Kinds of settings that several classes have."""
 
 

@@ -69,7 +69,7 @@ def measure(path: Path, preset: str, seed: int, views: int, pictures: str = "lib
         "struts": frame.strut_count,
         "seconds": seconds,
         "before": evaluate(frame.control_points, frame.vertices, capture.truth).summary(),
-        "after": evaluate(twin.control_points, twin.vertices, capture.truth).summary(),
+        "after": evaluate(twin.curves, twin.vertices, capture.truth).summary(),
         "megabytes": peak_megabytes(),
         "timing": dict(twin.timing),
     }

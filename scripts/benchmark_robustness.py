@@ -236,7 +236,7 @@ def measure(name: str, fault: str, seed: int, size: tuple[int, int], cameras: st
     twin = fit_views(made.frame, case.cameras, case.masks, changes={"cameras": cameras}).twin
     seconds = perf_counter() - began
     ends = [twin.control_points[strut, 3 * side] for strut, side in case.torn]
-    errors = evaluate(twin.control_points, np.array([*twin.vertices, *ends]), case.truth)
+    errors = evaluate(twin.curves, np.array([*twin.vertices, *ends]), case.truth)
     assert twin.sigma_across is not None and twin.attached is not None
     found = {(int(strut), int(side)) for strut, side in np.argwhere(~twin.attached)}
     return {

@@ -30,6 +30,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # where this project is not installed
 
 from scripts.extension_wheels import PLATFORMS, PYTHONS, STORE, WheelError, fetch
+from scripts.library_wheel import stamp
 
 ROOT = Path(__file__).resolve().parent.parent
 ADDON = ROOT / "addon" / "frametwin_blender"
@@ -116,6 +117,8 @@ def lay_out(stage: Path, edition: Edition, carried: Sequence[Path]) -> None:
             (stage / name).unlink()
     isolation = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
     run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", *isolation, "-w", stage / "wheels", ROOT)
+    (library,) = (stage / "wheels").iterdir()
+    stamp(library)
     for wheel in carried:
         shutil.copy(wheel, stage / "wheels")
     names = sorted(path.name for path in (stage / "wheels").iterdir())

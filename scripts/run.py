@@ -15,6 +15,7 @@ import re
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -23,8 +24,13 @@ BLENDER_PYTHONS = {(3, 11): "Blender 4.5 LTS", (3, 13): "Blender 5.2 LTS"}
 """Which Blender there is as a module for which Python; each of its releases belongs to one."""
 STAMP = "frametwin-setup.json"
 OTHER_TESTS = ("tests/blender",)
+OTHER_PACKAGES = ("bpy", "pytest", "pytest-timeout", "pytest-xdist", "hatchling")
+OTHER_MODULES = ("bpy", "pytest", "pytest_timeout", "xdist", "hatchling")
+"""What is installed beside Blender's other generation, and what of it can be imported then."""
 QUIET = {"NO_MKDOCS_2_WARNING": "1"}
 """For the tools that tasks run: no news of the theme's successor between the lines of a test."""
+MOST_PROCESSES = 4
+"""That share the tests; each loads PyTorch and Blender."""
 CPU_INDEX = "https://download.pytorch.org/whl/cpu"
 BLENDER_PACKAGES = ("libxrender1", "libxfixes3", "libxi6", "libxkbcommon0", "libsm6", "libgl1", "libegl1")
 
@@ -290,14 +296,14 @@ def test_other_blender(venv: Path, python: Path, extra: list[str], required: boo
         return 0
     other = venv.with_name(f"{venv.name}-blender-{name}")
     inner = venv_python(other)
-    if not (inner.exists() and succeeds([inner, "-c", "import bpy, pytest, pytest_timeout, hatchling"])):
+    if not (inner.exists() and succeeds([inner, "-c", f"import {', '.join(OTHER_MODULES)}"])):
         say(f"Making {other} for {BLENDER_PYTHONS[others[0]]}")
         if call([base, "-m", "venv", "--clear", other]) != 0:
             raise SetupError(f"the virtual environment {other} could not be made; the reason is above.")
-        install([*pip_install(inner), "bpy", "pytest", "pytest-timeout", "hatchling"], "Blender's module")
+        install([*pip_install(inner), *OTHER_PACKAGES], "Blender's module")
     say(f"pytest {' '.join([*OTHER_TESTS, *extra])} ({BLENDER_PYTHONS[others[0]]})")
     environment = {**os.environ, "FRAMETWIN_PYTHON": str(python), "PYTHONPATH": str(ROOT)}
-    code = call([inner, "-m", "pytest", "-p", "no:cacheprovider", *OTHER_TESTS, *extra], environment)
+    code = call([inner, "-m", "pytest", "-p", "no:cacheprovider", *shared_out(), *OTHER_TESTS, *extra], environment)
     return 0 if code == 5 and extra else code  # 5: what was asked for by name is not among these tests
 
 
@@ -320,26 +326,34 @@ def find_python_of(version: tuple[int, int]) -> str | None:
 # --- Tasks
 
 
-def task_commands(task: str, extra: list[str]) -> list[list[str]]:
-    """Modules to run one after the other, each with its arguments."""
-    lint = [["ruff", "check", "."], ["ruff", "format", "--check", "."]]
+def task_commands(task: str, extra: list[str]) -> list[list[list[str]]]:
+    """Modules to run, each with its arguments: group after group, those of a group at the same time."""
+    lint = [[["ruff", "check", "."]], [["ruff", "format", "--check", "."]]]
     types, docs = ["mypy"], ["mkdocs", "build", "--strict", "--quiet"]
+    # Each uses one processor; and what is compiled by now is not compiled by every process of the tests.
+    checks = [types, docs, ["frametwin", "prepare", "--quiet"]]
     return {
-        "demo": [["frametwin", "demo", "--out", "out/first", *extra]],
-        "test": [*lint, types, docs, ["pytest", *extra]],
+        "demo": [[["frametwin", "demo", "--out", "out/first", *extra]]],
+        "test": [*lint, checks, [["pytest", *shared_out(), *extra]]],
         "lint": lint,
-        "types": [[*types, *extra]],
-        "docs": [[*docs, *extra]],
+        "types": [[[*types, *extra]]],
+        "docs": [[[*docs, *extra]]],
         "setup": [],
     }[task]
+
+
+def shared_out() -> list[str]:
+    """Options of pytest by which processes share the test files, one for each processor that this one may use."""
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return ["-n", str(min(count, MOST_PROCESSES)), "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
 def run_task(task: str, python: Path, extra: list[str]) -> int:
     """Run all parts of a task; the exit code is that of the last part that failed, 0 if none did."""
     code = 0
-    for command in task_commands(task, extra):
-        say(" ".join(command))
-        code = call([python, "-m", *command], {**os.environ, **QUIET}) or code
+    for group in task_commands(task, extra):
+        say(" + ".join(" ".join(command) for command in group))
+        code = call_together([[python, "-m", *command] for command in group], {**os.environ, **QUIET}) or code
     return code
 
 
@@ -354,8 +368,43 @@ def say(step: str) -> None:
 def call(command: list, environment: dict | None = None) -> int:
     """Run a program in the project's folder, its output on the terminal; the exit code is a shell's."""
     words = [str(word) for word in command]
-    code = subprocess.run(words, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, check=False).returncode
-    return 128 - code if code < 0 else code
+    done = subprocess.run(words, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, check=False)
+    return shell_code(done.returncode)
+
+
+def call_together(commands: list[list], environment: dict) -> int:
+    """Run programs at the same time, or one as `call` does; the exit code is that of the last one that failed.
+
+    What each of several has printed comes when it has ended, in their order.
+    """
+    if len(commands) == 1:
+        return call(commands[0], environment)
+    code = 0
+    with ThreadPoolExecutor(len(commands)) as pool:
+        for done in pool.map(lambda command: call_quietly(command, environment), commands):
+            print(done.stdout, end="", flush=True)
+            code = shell_code(done.returncode) or code
+    return code
+
+
+def call_quietly(command: list, environment: dict) -> subprocess.CompletedProcess[str]:
+    """Run a program in the project's folder; all its output in ``stdout``."""
+    return subprocess.run(
+        [str(word) for word in command],
+        cwd=ROOT,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+
+
+def shell_code(returncode: int) -> int:
+    """The exit code that a shell would give."""
+    return 128 - returncode if returncode < 0 else returncode
 
 
 def succeeds(command: list) -> bool:

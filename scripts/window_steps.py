@@ -380,11 +380,7 @@ def write_rig_of(capture: Path) -> Path:
     from frametwin.cameras.rig_file import Rig, RigCamera, write_rig
 
     known = np.diag(np.square([*4 * [0.3], *5 * [1e-4], *3 * [1e-4], *3 * [0.05]]))
-    cameras = []
-    for camera in read_calibration(capture):
-        lens = np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *np.zeros(5)])
-        size = (camera.width, camera.height)
-        cameras.append(RigCamera(camera.name, *size, "OPENCV", lens, camera.camera_to_world, known))
+    cameras = [RigCamera.of(camera, known) for camera in read_calibration(capture)]
     folder = SCRATCH / "workshop"
     folder.mkdir()
     write_rig(folder, Rig(tuple(cameras), world="robot", date="2026-11-20T10:00:00"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 from click.testing import CliRunner, Result
@@ -27,3 +28,8 @@ def refused(*arguments: str | Path, code: int = 2) -> str:
     assert result.exit_code == code, (result.stdout, result.stderr)
     assert result.stdout == "" and result.stderr.count("\n") == 1 and "Traceback" not in result.stderr
     return result.stderr
+
+
+def hear_interrupts() -> None:
+    """For ``preexec_fn``: tests may run in the background, where children inherit that SIGINT is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from longest_files import place_of
 from small_frames import tower
 
 from frametwin.cameras import Camera
@@ -54,6 +55,20 @@ def silhouette(frame: Wireframe, camera: Camera) -> np.ndarray:
     return image
 
 
+@pytest.fixture(scope="module")
+def one_thread() -> Iterator[None]:
+    """For fits so small that they lose more by waiting for a second thread than they gain by it."""
+    import numba  # here, since tests inside of Blender have numpy alone
+    import torch
+
+    before = torch.get_num_threads(), numba.get_num_threads()
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
+    yield
+    torch.set_num_threads(before[0])
+    numba.set_num_threads(before[1])
+
+
 @pytest.fixture
 def draw() -> Callable[[Wireframe, Camera], np.ndarray]:
     return silhouette
@@ -70,6 +85,11 @@ def small_capture(tmp_path: Path) -> Path:
     return folder
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: place_of(item.path.name))
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     session.config.stash[_SESSION] = session
 
@@ -78,7 +98,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Leave at once if Blender was loaded, with the exit code of the tests: its own way out may hang or crash."""
     session = config.stash.get(_SESSION, None)
-    if "bpy" not in sys.modules or session is None or hasattr(config, "workerinput"):
+    if "bpy" not in sys.modules or session is None:
         return
     if config.pluginmanager.has_plugin("terminalreporter"):
         config.get_terminal_writer().flush()

@@ -26,21 +26,7 @@ FRAME = tower(3)
 def rig_of(cameras: tuple[Camera, ...], turn: float = 1e-4, shift: float = 0.05) -> Rig:
     deviations = [0.3, 0.3, 0.2, 0.2, *5 * [1e-4], *3 * [turn], *3 * [shift]]
     known = np.diag(np.square(deviations))
-    return Rig(
-        tuple(
-            RigCamera(
-                camera.name,
-                camera.width,
-                camera.height,
-                "OPENCV",
-                np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *np.zeros(5)]),
-                camera.camera_to_world,
-                known,
-            )
-            for camera in cameras
-        ),
-        world="robot",
-    )
+    return Rig(tuple(RigCamera.of(camera, known) for camera in cameras), world="robot")
 
 
 def bumped(camera: Camera, degrees: float) -> Camera:

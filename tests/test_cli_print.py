@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_tools import done, refused, run
+from cli_tools import done, hear_interrupts, refused, run
 from print_cases import LeaningPrint, fingerprint, print_batch
 from small_frames import tower
 
@@ -227,7 +227,8 @@ def test_the_watch_is_interrupted_at_once(frame: Path, tmp_path: Path) -> None:
     plan(frame, job)
     captures.mkdir()
     command = [sys.executable, "-m", "frametwin", "print", "watch", str(job), str(captures)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=ROOT, preexec_fn=hear_interrupts, **pipes) as process:
         assert process.stderr is not None
         assert "Waiting for the pictures" in process.stderr.readline()
         process.send_signal(signal.SIGINT)

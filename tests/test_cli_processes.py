@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_tools import done
+from cli_tools import done, hear_interrupts
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -43,8 +43,7 @@ def test_a_real_process_and_its_exit_codes(tmp_path: Path) -> None:
 def interrupt_when(arguments: list[str], ready: Callable[[str], bool], number: int) -> tuple[int, list[str], str]:
     """Start a command, send it a signal once a line of its progress says that it is ready.
 
-    Tests may run in the background, where children inherit that SIGINT is ignored: here it is heard. A command that
-    does not end is killed, so that the test fails and does not hang.
+    A command that does not end is killed, so that the test fails and does not hang.
     """
     child = subprocess.Popen(
         [sys.executable, "-m", "frametwin", *arguments],
@@ -53,7 +52,7 @@ def interrupt_when(arguments: list[str], ready: Callable[[str], bool], number: i
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=hear_interrupts,
     )
     assert child.stdout is not None and child.stderr is not None
     end = threading.Timer(120.0, child.kill)

@@ -69,6 +69,13 @@ def test_the_same_problem_inside_of_a_file() -> None:
     assert (error.problem, error.remedy) == (PARTS["problem"], PARTS["remedy"])
 
 
+def test_the_same_problem_under_the_name_that_its_user_knows() -> None:
+    error = held()
+    told = error.with_field("Leave Out")
+    assert str(told) == SENTENCE.replace("edges[3]", "Leave Out") and told.doubts == error.doubts
+    assert type(told) is Held and told.parts == {**PARTS, "field": "Leave Out"} and str(error) == SENTENCE
+
+
 def test_a_folder_that_stands_in_is_in_no_part(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught, staged_directory(tmp_path / "out") as stage:
         raise InputError.at(stage / "twin.json", "file", f"{stage} is full", "make room")

@@ -15,6 +15,7 @@ import networkx as nx
 import numpy as np
 import pytest
 import torch
+from cli_tools import hear_interrupts
 
 from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import InputError
@@ -141,7 +142,7 @@ class TestRuns:
     def test_ctrl_c_ends_the_case_that_runs(self, tmp_path: Path) -> None:
         script = DOCS.parent / "scripts" / "reproduce_paper.py"
         words = [sys.executable, str(script), "--out", str(tmp_path / "out"), "--quick", "--only", "cube"]
-        with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+        with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, preexec_fn=hear_interrupts) as process:
             assert process.stderr is not None
             assert "[1/4] cube paper\n" in (process.stderr.readline() for _ in range(3))
             process.send_signal(signal.SIGINT)

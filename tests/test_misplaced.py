@@ -28,9 +28,9 @@ def made(name: str, peak: float, seed: int) -> Simulation:
     return simulate(find_frame(name), SimulationSettings(size=(600, 800), seed=seed, peak=peak))
 
 
-def fitted(capture: Simulation, truth: Wireframe) -> Twin:
+def fitted(capture: Simulation, truth: Wireframe, **changes: int) -> Twin:
     masks = [mask / np.float32(255) for mask in silhouettes(truth, capture.cameras)]
-    return fit_views(capture.frame, capture.cameras, masks).twin
+    return fit_views(capture.frame, capture.cameras, masks, changes=changes).twin
 
 
 def test_shapes_to_try_have_the_same_ends_and_bow_to_all_sides() -> None:
@@ -119,7 +119,7 @@ def test_a_strut_that_bowed_otherwise_than_a_cubic_can_says_how_far_it_is_off() 
         radius=np.append(truth.radius[rest], np.full(4, truth.radius[BOWED])),
         control_points=np.concatenate([truth.control_points[rest], np.stack(pieces)]),
     )
-    twin = fitted(capture, printed)
+    twin = fitted(capture, printed, degree=3)
     found = bezier.evaluate(twin.control_points[BOWED], np.linspace(0.0, 1.0, 50))
     fine = np.linspace(0.0, 1.0, 2000)
     true = bezier.evaluate(curve, fine) + (fine**2 * (1.0 - fine) ** 2)[:, None] * bow

@@ -73,10 +73,8 @@ def capture(
     images, backgrounds = [], []
     shares = silhouettes(frame, real, supersampling=3)
     for i, (camera, share) in enumerate(zip(real, shares, strict=True)):
-        lens = np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *np.zeros(5)])
-        drawn = RigCamera(camera.name, camera.width, camera.height, "OPENCV", lens, np.array(camera.camera_to_world))
         middle = np.array(plate.pose)
-        grey = draw_board(RayField(drawn), parse_board(plate.board), middle, noise=Noise(seed=i))
+        grey = draw_board(RayField(RigCamera.of(camera)), parse_board(plate.board), middle, noise=Noise(seed=i))
         there = share[..., None] / 255.0
         background = np.repeat(grey[..., None], 3, axis=2)
         images.append((background * (1.0 - there) + FILAMENT * there).round().astype(np.uint8))
@@ -219,11 +217,7 @@ def test_masks_that_show_no_markers_are_told_of_once(
 
 
 def test_a_rig_keeps_its_plate_and_moves_it_along(real: tuple[Camera, ...], plate: Plate, tmp_path: Path) -> None:
-    cameras = tuple(
-        RigCamera(c.name, c.width, c.height, "OPENCV", np.array([c.fl_x, c.fl_y, c.cx, c.cy, *np.zeros(5)]), pose)
-        for c in real
-        for pose in (np.array(c.camera_to_world),)
-    )
+    cameras = tuple(RigCamera.of(camera) for camera in real)
     motion = np.eye(4)
     motion[:3, 3] = 100.0, 20.0, -5.0
     rig = Rig(cameras, "robot", "checkerboard:9x6:25", plate=plate).moved(motion)

@@ -121,14 +121,7 @@ def test_a_twin_that_is_called_wrong_is_a_reason_to_stop() -> None:
 
 def rig_of(cameras: tuple[Camera, ...]) -> Rig:
     known = np.diag(np.square([0.2, 0.2, 0.2, 0.2, *5 * [1e-4], *3 * [1e-4], *3 * [0.05]]))
-    lens = [np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *np.zeros(5)]) for camera in cameras]
-    return Rig(
-        tuple(
-            RigCamera(camera.name, camera.width, camera.height, "OPENCV", own, camera.camera_to_world, known)
-            for camera, own in zip(cameras, lens, strict=True)
-        ),
-        world="robot",
-    )
+    return Rig(tuple(RigCamera.of(camera, known) for camera in cameras), world="robot")
 
 
 def save_pictures(folder: Path, standing: Wireframe, cameras: tuple[Camera, ...]) -> None:

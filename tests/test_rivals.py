@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -33,19 +31,10 @@ from frametwin.raster.kernels import KernelLayout, anchored_kernels, isotropic_c
 from frametwin.raster.silhouette import silhouettes
 from frametwin.twin.twin import read_twin, write_twin
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 QUICK = {"iterations": 6, "kernels_per_strut": 6, "samples": 4}
 Scene = tuple[Wireframe, Wireframe, list[Camera], list[np.ndarray]]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread() -> Iterator[None]:
-    """Fits as small as these lose more by waiting for a second thread than they gain by it."""
-    before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(1)
-    numba.set_num_threads(1)
-    yield
-    torch.set_num_threads(before[0])
-    numba.set_num_threads(before[1])
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from longest_files import LONGEST
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -32,15 +34,28 @@ def test_arguments_after_two_dashes_go_to_the_task(run: ModuleType) -> None:
 
 
 def test_tasks_are_checks_and_tests_and_the_demo(run: ModuleType) -> None:
-    assert [command[0] for command in run.task_commands("test", ["-x"])] == ["ruff", "ruff", "mypy", "mkdocs", "pytest"]
-    assert run.task_commands("test", ["-x"])[-1] == ["pytest", "-x"]
-    assert run.task_commands("demo", ["--json"]) == [["frametwin", "demo", "--out", "out/first", "--json"]]
+    names = [[command[0] for command in group] for group in run.task_commands("test", ["-x"])]
+    assert names == [["ruff"], ["ruff"], ["mypy", "mkdocs", "frametwin"], ["pytest"]]
+    (tests,) = run.task_commands("test", ["-x"])[-1]
+    assert tests == ["pytest", *run.shared_out(), "-x"]
+    assert run.task_commands("demo", ["--json"]) == [[["frametwin", "demo", "--out", "out/first", "--json"]]]
     assert run.task_commands("lint", []) == run.task_commands("test", [])[:2]
     assert run.task_commands("setup", []) == []
     whole = run.task_commands("test", [])
-    assert run.task_commands("types", []) + run.task_commands("docs", []) == whole[2:4]
-    assert "--strict" in whole[3]  # a link that leads nowhere is an error
+    assert run.task_commands("types", [])[0] + run.task_commands("docs", [])[0] == whole[2][:2]
+    assert "--strict" in whole[2][1]  # a link that leads nowhere is an error
     assert all(isinstance(run.task_commands(task, []), list) for task in run.TASKS)
+
+
+def test_test_files_are_shared_by_so_many_processes_as_there_are_processors(
+    run: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(run.os, "sched_getaffinity", raising=False)
+    for processors, processes in ((1, "1"), (2, "2"), (64, str(run.MOST_PROCESSES)), (None, "1")):
+        monkeypatch.setattr(run.os, "cpu_count", lambda processors=processors: processors)
+        assert run.shared_out()[:2] == ["-n", processes]
+    files = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert all(files.count(name) == 1 for name in LONGEST) and len(set(LONGEST)) == len(LONGEST)
 
 
 @pytest.mark.parametrize(
@@ -125,9 +140,33 @@ def test_an_interrupted_or_outdated_set_up_is_done_again_with_all_its_extras(
 
 def test_the_exit_code_of_a_failing_part_is_carried_through(run: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     for codes, wanted in (([0, 0, 0], 0), ([0, 0, 5], 5), ([1, 0, 0], 1), ([1, 0, 2], 2)):
-        left = [0, 0, *codes]
-        monkeypatch.setattr(run, "call", lambda command, environment=None, left=left: left.pop(0))
+        left = [0, *codes]
+        monkeypatch.setattr(run, "call_together", lambda commands, environment, left=left: left.pop(0))
         assert run.run_task("test", Path(sys.executable), []) == wanted
+
+
+MEET = """
+import sys, time
+from pathlib import Path
+own, other, code = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
+own.touch()
+end = time.monotonic() + 60.0
+while not other.exists() and time.monotonic() < end:
+    time.sleep(0.01)
+print(own.name, "met" if other.exists() else "waited for", other.name, file=sys.stderr if code == 3 else sys.stdout)
+raise SystemExit(code)
+"""
+
+
+def test_programs_run_at_the_same_time_and_are_told_of_in_their_order(
+    run: ModuleType, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    commands = [[sys.executable, "-c", MEET, one, two, 3], [sys.executable, "-c", MEET, two, one, 4]]
+    assert run.call_together(commands, dict(os.environ)) == 4  # of the last one that failed
+    assert capfd.readouterr().out.splitlines() == ["one met two", "two met one"]
+    commands[1][-1] = 0
+    assert run.call_together(commands, dict(os.environ)) == 3
 
 
 def test_a_killed_program_has_the_exit_code_of_a_shell(run: ModuleType) -> None:
@@ -183,7 +222,7 @@ def test_blenders_part_is_tested_with_the_other_generation_too(
     assert run.test_other_blender(tmp_path / ".venv", Path(sys.executable), ["-x"], required=True) == 0
     environment = tmp_path / f".venv-blender-{other}"
     assert recorded[0] == [f"python{other}", "-m", "venv", "--clear", str(environment)]
-    assert recorded[1][-4:] == ["bpy", "pytest", "pytest-timeout", "hatchling"] and "constraints.txt" in recorded[1]
+    assert recorded[1][-5:] == list(run.OTHER_PACKAGES) and "constraints.txt" in recorded[1]
     assert recorded[2][0] == str(run.venv_python(environment)) and recorded[2][-2:] == ["tests/blender", "-x"]
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -29,19 +27,10 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback
 from frametwin.raster.silhouette import silhouettes
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 QUICK = {"iterations": 4, "samples": 4, "kernels_per_strut": 4, "bending_samples": 64}
 SIZE = (72, 96)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread() -> Iterator[None]:
-    """Fits as small as these lose more by waiting for a second thread than they gain by it."""
-    before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(1)
-    numba.set_num_threads(1)
-    yield
-    torch.set_num_threads(before[0])
-    numba.set_num_threads(before[1])
 
 
 def bent(frame: Wireframe) -> Wireframe:

@@ -19,7 +19,9 @@ from frametwin.worker.installation import installed_python
 from frametwin.worker.interpreter import NEEDED, VARIABLE, WITHOUT_TORCH, Interpreter, running_interpreter
 
 from . import session
+from .fit_settings import LEAVE_OUT
 from .steps import is_free, needs
+from .translations import translated
 
 WHERE = "Preferences > Add-ons > FrameTwin"
 HAS_SET_UP = importlib.util.find_spec(f"{__package__}.set_up") is not None
@@ -27,6 +29,8 @@ HAS_SET_UP = importlib.util.find_spec(f"{__package__}.set_up") is not None
 
 REMEDY = f"press Set Up in {WHERE}, or choose another Python there" if HAS_SET_UP else f"choose a Python in {WHERE}"
 LOOK_AGAIN = 3.0  # seconds
+LABELS = {"ignore": LEAVE_OUT}
+"""Where the panels call a field otherwise than the command line."""
 
 
 def preferences_of() -> bpy.types.AddonPreferences | None:
@@ -178,6 +182,7 @@ def worker_job(
         worker=lambda: python_worker(torch),
         kind=f"python {chosen.python} {os.pathsep.join(chosen.folders)}",
         out=out,
+        labels={name: translated(label) for name, label in LABELS.items()},
         **more,
     )
 

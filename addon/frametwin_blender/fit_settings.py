@@ -40,6 +40,9 @@ ANCHORS = (
     ("plate", "Plate", "The markers on the plate, which the capture must have"),
 )
 
+LEAVE_OUT = "Leave Out"
+"""What the panels call the folder that is ``--ignore`` of the command line."""
+
 
 class FrameTwinFit(bpy.types.PropertyGroup):
     """How a capture is fitted."""
@@ -61,7 +64,7 @@ class FrameTwinFit(bpy.types.PropertyGroup):
         items=MASKS,
     )
     ignore: StringProperty(  # type: ignore[valid-type]
-        name="Leave Out",
+        name=LEAVE_OUT,
         description="Folder with pictures named as the views' own, white where nothing is to be looked at, such as the"
         " robot's arm. Empty: all is looked at",
         **FOLDER,
@@ -85,7 +88,7 @@ def mask_parameters(context: bpy.types.Context) -> dict[str, Any]:
         If the folder is relative to a file that was not saved.
     """
     fit = settings_of(context).fit
-    left_out = {"ignore": given_folder(fit.ignore, "Leave Out")} if fit.ignore else {}
+    left_out = {"ignore": given_folder(fit.ignore, LEAVE_OUT)} if fit.ignore else {}
     return {"mask": fit.mask, **left_out}
 
 

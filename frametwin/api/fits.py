@@ -191,7 +191,8 @@ def evaluate(
     plan = found.frame if isinstance(found, Run) else None
     shape = found if isinstance(found, Twin | Wireframe) else found.twin
     real = _truth_of(truth, plan)
-    return evaluation.evaluate(shape.control_points, shape.vertices, real.frame, real.present)
+    curves = shape.curves if isinstance(shape, Twin) else shape.control_points
+    return evaluation.evaluate(curves, shape.vertices, real.frame, real.present)
 
 
 def _capture_of(capture: PathLike | Capture | Simulation) -> Capture:

@@ -74,6 +74,13 @@ class RigCamera:
     covariance: Floats | None = None
     residuals: dict[str, Any] = field(default_factory=dict)
 
+    @classmethod
+    def of(cls, camera: Camera, covariance: Floats | None = None) -> RigCamera:
+        """A camera at its place, as a rig has it, with how well it is known."""
+        lens = np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *camera.distortion])
+        pose = np.array(camera.camera_to_world)
+        return cls(camera.name, camera.width, camera.height, camera.model, lens, pose, covariance)
+
     @property
     def keys(self) -> tuple[str, ...]:
         """Names of the rows of the covariance."""

@@ -208,7 +208,7 @@ def run_demo(
     write_run(folder / "run", result, capture)
     frame, truth, present = simulation.frame, simulation.truth, simulation.present
     before = evaluate(frame.control_points, frame.vertices, truth, present)
-    after = evaluate(result.twin.control_points, result.twin.vertices, truth, present)
+    after = evaluate(result.twin.curves, result.twin.vertices, truth, present)
     detection = None
     if settings.missing:
         detection = Detection.of(missing_struts(result.twin, frame.printed), present, frame.printed)

@@ -52,7 +52,7 @@ def command(run: Path, truth: Path, worst: int, as_json: bool) -> None:
 
     twin, frame = load_run(run)
     real = read_truth(truth, frame)
-    errors = evaluate(twin.control_points, twin.vertices, real.frame, real.present)
+    errors = evaluate(twin.curves, twin.vertices, real.frame, real.present)
     detection = None
     if real.present is not None:
         detection = Detection.of(missing_struts(twin, frame.printed), real.present, frame.printed)

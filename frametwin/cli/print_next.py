@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,19 +107,7 @@ def next_command(
 )
 @quiet_option
 @json_option
-def watch_command(
-    job: Path,
-    captures: Path,
-    accept: tuple[str, ...],
-    reprint: bool | None,
-    page: bool,
-    rig: Path | None,
-    base: tuple[float, ...] | None,
-    background: Path | None,
-    every: float,
-    quiet: bool,
-    as_json: bool,
-) -> None:
+def watch_command(**options: Any) -> None:
     """Answer every capture folder that appears in CAPTURES, in the order of their names, until JOB is finished.
 
     A folder is taken when transforms.json and all the pictures it names are there and have stopped growing. One that
@@ -134,30 +123,57 @@ def watch_command(
       frametwin print watch out/job out/captures
       frametwin print watch out/job shots --rig rig --base 400,0,20 --background before
     """
+    _watch(WatchOptions(**options))
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """The command line of watching for captures; see its help."""
+
+    job: Path
+    captures: Path
+    accept: tuple[str, ...]
+    reprint: bool | None
+    page: bool
+    rig: Path | None
+    base: tuple[float, ...] | None
+    background: Path | None
+    every: float
+    quiet: bool
+    as_json: bool
+
+
+def _watch(options: WatchOptions) -> None:
     from frametwin.printing.job.answer import AnswerOptions
     from frametwin.printing.job.job import PrintJob
     from frametwin.printing.job.summaries import answer_summary
     from frametwin.printing.job.watch import Watch
 
-    raw = _raw_pictures(rig, base, background)
-    work = PrintJob(job)
-    options = AnswerOptions(accept=frozenset(accept), reprint=reprint)
-    say = (lambda sentence: None) if quiet else (lambda sentence: click.echo(sentence, err=True))
-    answered = (lambda report: write_page(job)) if page else (lambda report: None)
+    raw = _raw_pictures(options)
+    work = PrintJob(options.job)
     with Display(quiet=True) as display:
-        look = Watch(work, captures, options, say=say, progress=display, poll=every, answered=answered, raw=raw)
+        look = Watch(
+            work,
+            options.captures,
+            AnswerOptions(accept=frozenset(options.accept), reprint=options.reprint),
+            say=(lambda sentence: None) if options.quiet else (lambda sentence: click.echo(sentence, err=True)),
+            progress=display,
+            poll=options.every,
+            answered=(lambda report: write_page(options.job)) if options.page else (lambda report: None),
+            raw=raw,
+        )
         reports = look.run()
-    if as_json:
-        print_json({"job": job, "answered": [answer_summary(work, report) for report in reports]})
+    if options.as_json:
+        print_json({"job": options.job, "answered": [answer_summary(work, report) for report in reports]})
         return
     from frametwin.cli.print_status import tell_status
 
     tell_status(work)
 
 
-def _raw_pictures(rig: Path | None, base: tuple[float, ...] | None, background: Path | None) -> RawPictures | None:
-    if rig is None:
-        for name, value in (("--base", base), ("--background", background)):
+def _raw_pictures(options: WatchOptions) -> RawPictures | None:
+    if options.rig is None:
+        for name, value in (("--base", options.base), ("--background", options.background)):
             if value is not None:
                 raise InputError.at(name, "rig", "is missing", "give --rig too: captures hold their own cameras")
         return None
@@ -165,7 +181,8 @@ def _raw_pictures(rig: Path | None, base: tuple[float, ...] | None, background: 
     from frametwin.cameras.standing import standing_at
     from frametwin.printing.job.raw_pictures import RawPictures
 
-    return RawPictures(read_rig(rig), None if base is None else standing_at(base), background)
+    base = None if options.base is None else standing_at(options.base)
+    return RawPictures(read_rig(options.rig), base, options.background)
 
 
 def answer_facts(job: PrintJob, report: dict[str, Any]) -> list[tuple[str, str]]:

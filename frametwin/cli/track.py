@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -58,21 +59,7 @@ if TYPE_CHECKING:
 @overwrite_option("the run")
 @quiet_option
 @json_option
-def command(
-    source: Path,
-    stream: Path | None,
-    out: Path,
-    devices: str | None,
-    cameras: Path | None,
-    background: Path | None,
-    threshold: float,
-    every: bool,
-    rate: float | None,
-    idle: float | None,
-    overwrite: bool,
-    quiet: bool,
-    as_json: bool,
-) -> None:
+def command(**options: Any) -> None:
     """Follow the print of a RUN, or the batch of a JOB that is being printed, by the pictures of STREAM.
 
     STREAM is a folder into which pictures drop, named after their cameras and moments: 0007/left.png, left/0007.png,
@@ -89,58 +76,78 @@ def command(
       frametwin track out/job --camera 0,1,2,3 --cameras rig --out out/live
       frametwin track out/job recorded --every --rate 5 --idle 2 --out out/live
     """
-    check_output_folder(out, overwrite, "twin.json")
+    _track(TrackOptions(**options))
+
+
+@dataclass(frozen=True)
+class TrackOptions:
+    """The command line of following a print; see its help."""
+
+    source: Path
+    stream: Path | None
+    out: Path
+    devices: str | None
+    cameras: Path | None
+    background: Path | None
+    threshold: float
+    every: bool
+    rate: float | None
+    idle: float | None
+    overwrite: bool
+    quiet: bool
+    as_json: bool
+
+
+def _track(options: TrackOptions) -> None:
+    check_output_folder(options.out, options.overwrite, "twin.json")
     from frametwin.tracking.session import Session
     from frametwin.tracking.settings import TrackSettings
     from frametwin.tracking.sources import backgrounds_for, cameras_for, read_followed
 
-    followed = read_followed(source)
-    known = cameras_for(followed, cameras, stream)
-    before = backgrounds_for(known, background, stream)
+    followed = read_followed(options.source)
+    known = cameras_for(followed, options.cameras, options.stream)
+    before = backgrounds_for(known, options.background, options.stream)
 
     def say(event: Event) -> None:
-        if not as_json:
+        if not options.as_json:
             click.echo(f"{event.time:.2f} {event.kind}: {event}")
 
     with Display(quiet=True) as display:
         session = Session(
             followed,
             known,
-            _stream(stream, devices, known, every, rate),
-            out,
-            settings=TrackSettings(threshold=threshold),
+            _stream(options, known),
+            options.out,
+            settings=TrackSettings(threshold=options.threshold),
             backgrounds=before,
             say=say,
             progress=display,
-            idle=idle,
+            idle=options.idle,
         )
-        if not quiet:
+        if not options.quiet:
             click.echo(f"Following {len(known)} views; the first pictures take a while on a new machine.", err=True)
         summary = session.run()
-    if as_json:
-        print_json({"run": out, **vars(summary)})
-        return
-    if not quiet:
+    if options.as_json:
+        print_json({"run": options.out, **vars(summary)})
+    elif not options.quiet:
         told = enumerated(f"{count} {kind}" for kind, count in summary.events.items())
         facts = [("events", told), ("passed over", str(summary.passed_over))]
         facts.append(("a moment", f"{1e3 * summary.seconds:.0f} ms"))
-        print_facts(f"{summary.moments} moments followed, twin in {out}", facts)
+        print_facts(f"{summary.moments} moments followed, twin in {options.out}", facts)
 
 
-def _stream(
-    folder: Path | None, devices: str | None, cameras: tuple[Camera, ...], every: bool, rate: float | None
-) -> Stream:
-    if (folder is None) == (devices is None):
-        problem = "are missing" if folder is None else "are given twice"
+def _stream(options: TrackOptions, cameras: tuple[Camera, ...]) -> Stream:
+    if (options.stream is None) == (options.devices is None):
+        problem = "are missing" if options.stream is None else "are given twice"
         raise InputError.at("STREAM", "pictures", problem, "give either a folder STREAM or --camera")
-    if folder is not None:
+    if options.stream is not None:
         from frametwin.tracking.folder_stream import FolderStream
 
-        return FolderStream(folder, [camera.name for camera in cameras], every, rate)
+        return FolderStream(options.stream, [camera.name for camera in cameras], options.every, options.rate)
     from frametwin.tracking.camera_stream import CameraStream
 
-    sources = [source.strip() for source in str(devices).split(",") if source.strip()]
+    sources = [source.strip() for source in str(options.devices).split(",") if source.strip()]
     if len(sources) != len(cameras):
         problem = f"names {len(sources)} where {len(cameras)} are calibrated"
         raise InputError.at("--camera", "devices", problem, "give one for each camera, in the order of transforms.json")
-    return CameraStream(sources, rate)
+    return CameraStream(sources, options.rate)

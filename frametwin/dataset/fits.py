@@ -235,7 +235,7 @@ def judge(capture: Capture, twin: Twin) -> tuple[Errors, Detection]:
         raise InputError.at(capture.root, "truth.json", "is missing", "make the sample again")
     printed = capture.frame.printed
     present = intervals_of(capture.root, printed)
-    errors = evaluate(twin.control_points, twin.vertices, capture.truth.replace(printed=printed), present)
+    errors = evaluate(twin.curves, twin.vertices, capture.truth.replace(printed=printed), present)
     return errors, Detection.of(missing_struts(twin, printed), present, printed)
 
 

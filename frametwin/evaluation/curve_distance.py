@@ -1,8 +1,8 @@
-"""Exact distances from points to a set of cubic curves.
+"""Exact distances from points to a set of Bezier curves of one degree.
 
 The curves are cut into short chords. A k-d tree on the chords' middles proposes candidates; as the middle of the
 nearest chord is no further than its distance plus half its length, candidates are asked for until that bound
-says that no other chord can be nearer. Newton steps on the cubic then take the place of the chord.
+says that no other chord can be nearer. Newton steps on the curve then take the place of the chord.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ def ragged(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def points_at(control_points: np.ndarray, strut: np.ndarray, u: np.ndarray) -> np.ndarray:
     """(N, 3) points at parameters (N,) of the curves (N,)."""
-    return np.einsum("nb,nbx->nx", bezier.bernstein(3, u), control_points[strut])
+    return np.einsum("nb,nbx->nx", bezier.bernstein(control_points.shape[1] - 1, u), control_points[strut])
 
 
 @dataclass(frozen=True, eq=False)
 class CurveSet:
-    """Cubic curves, ready to be asked for the nearest point.
+    """Curves, ready to be asked for the nearest point.
 
     Attributes
     ----------
     control_points
-        (E, 4, 3) mm.
+        (E, n + 1, 3) mm.
     interval
         (E, 2) part of each curve that belongs to the set.
     strut, start, step
@@ -84,7 +84,7 @@ class CurveSet:
         Parameters
         ----------
         control_points
-            (E, 4, 3) mm.
+            (E, n + 1, 3) mm.
         interval
             (E, 2) part of the parameter that belongs to the set; all of it by default. Curves with an empty
             one are left out.
@@ -139,19 +139,20 @@ class CurveSet:
         return np.linalg.norm(across - share[..., None] * along, axis=2), share
 
     def _refined(self, points: np.ndarray, chord: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Distances (N,) to the cubics themselves, by Newton's method from the parameters (N,) on chords."""
+        """Distances (N,) to the curves themselves, by Newton's method from the parameters (N,) on chords."""
         strut = self.strut[chord]
-        own = self.control_points[strut]  # (N, 4, 3)
+        own = self.control_points[strut]  # (N, n + 1, 3)
+        n = own.shape[1] - 1
         # The nearest point may lie beyond the end of a chord, but not beyond the chords next to it.
         low = np.maximum(self.start[chord] - self.step[chord], self.interval[strut, 0])
         high = np.minimum(self.start[chord] + 2.0 * self.step[chord], self.interval[strut, 1])
-        first, second = 3.0 * np.diff(own, axis=1), 6.0 * np.diff(own, 2, axis=1)
+        first, second = n * np.diff(own, axis=1), n * (n - 1.0) * np.diff(own, 2, axis=1)
         best = np.full(len(points), np.inf)
         for _ in range(NEWTON_STEPS + 1):
-            gap = np.einsum("nb,nbx->nx", bezier.bernstein(3, u), own) - points
+            gap = np.einsum("nb,nbx->nx", bezier.bernstein(n, u), own) - points
             best = np.minimum(best, np.linalg.norm(gap, axis=1))
-            speed = np.einsum("nb,nbx->nx", bezier.bernstein(2, u), first)
-            bend = np.einsum("nb,nbx->nx", bezier.bernstein(1, u), second)
+            speed = np.einsum("nb,nbx->nx", bezier.bernstein(n - 1, u), first)
+            bend = np.einsum("nb,nbx->nx", bezier.bernstein(n - 2, u), second)
             slope = np.einsum("nx,nx->n", gap, speed)
             curvature = np.einsum("nx,nx->n", speed, speed) + np.einsum("nx,nx->n", gap, bend)
             convex = curvature > 0.0

@@ -95,14 +95,14 @@ def evaluate(
     """Compare curves and joints with the truth.
 
     Curves are sampled evenly in the parameter, about as densely on all struts, with weights of length; the
-    two ways of the distance between curves count alike in the mean. Distances are exact: to the cubics, not
+    two ways of the distance between curves count alike in the mean. Distances are exact: to the curves, not
     to samples on them. Struts that are missing in the truth count only where they exist: a point of the
     twin's strut counts if the nearest point of the whole true strut exists.
 
     Parameters
     ----------
     control_points
-        (E, 4, 3) mm, the curves to judge: a twin's, or the plan's for the error before fitting.
+        (E, n + 1, 3) mm, the curves to judge: a twin's (`Twin.curves`), or the plan's for the error before fitting.
     vertices
         (V, 3) mm, their joints.
     truth
@@ -150,8 +150,9 @@ def evaluate(
 
 
 def _check_shapes(curves: np.ndarray, joints: np.ndarray, truth: Wireframe) -> None:
+    points = max(4, curves.shape[1]) if curves.ndim == 3 else 4  # of higher degree if need be
     for field, found, wanted in (
-        ("control_points", curves.shape, (truth.strut_count, 4, 3)),
+        ("control_points", curves.shape, (truth.strut_count, points, 3)),
         ("vertices", joints.shape, (truth.vertex_count, 3)),
     ):
         if found != wanted:
@@ -187,7 +188,8 @@ def _samples(curves: np.ndarray, span: np.ndarray) -> tuple[np.ndarray, np.ndarr
     strut, k = ragged(counts)
     step = (span[:, 1] - span[:, 0]) / np.maximum(counts - 1, 1)
     u = span[strut, 0] + k * step[strut]
-    velocity = np.einsum("nb,nbx->nx", bezier.bernstein(2, u), 3.0 * np.diff(curves, axis=1)[strut])
+    degree = curves.shape[1] - 1
+    velocity = np.einsum("nb,nbx->nx", bezier.bernstein(degree - 1, u), degree * np.diff(curves, axis=1)[strut])
     at_end = (k == 0) | (k == counts[strut] - 1)  # the trapezoidal rule
     return u, strut, np.linalg.norm(velocity, axis=1) * step[strut] * np.where(at_end, 0.5, 1.0)
 

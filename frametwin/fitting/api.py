@@ -218,6 +218,7 @@ def whole_twin(frame: Wireframe, struts: np.ndarray, joints: np.ndarray, part: P
         sigma_along=_spread(part.sigma_along, struts, frame.strut_count, unseen),
         attached=_spread(part.attached, struts, frame.strut_count, True),
         gap=_spread(part.gap, struts, frame.strut_count, 0.0),
+        bent={int(struts[strut]): curve for strut, curve in part.bent.items()},
         loss=part.loss,
     )
 

@@ -13,10 +13,12 @@ import numpy as np
 
 from frametwin.fields.base import DeformationField
 from frametwin.fitting import gauge
+from frametwin.fitting.bent import with_bent_struts
 from frametwin.fitting.fast_settings import Stage
 from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, noticed, recover, refine, search
 from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
+from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import common_size
 from frametwin.fitting.misplaced import given_second_chance
@@ -59,6 +61,8 @@ class Consistent:
         Of all views.
     torn : Torn
         Ends of struts that hang free; problem and state have a vertex of its own for each.
+    halves : Halves
+        Struts that were fitted as two; problem and state have both halves of each.
     holds : str
         What holds the world: ``rig`` where the cameras were taken as exact, else ``feet`` or ``cameras``.
     """
@@ -68,6 +72,7 @@ class Consistent:
     used: np.ndarray
     misfit: ViewMisfit
     torn: Torn
+    halves: Halves
     holds: str
 
 
@@ -83,7 +88,7 @@ def consistent_fit(problem: Problem, field: DeformationField | None) -> Consiste
         if not problem.settings.leave_out_views or not wrong.size or len(used) - len(wrong) < FEWEST:
             break
         record, used = state.record, np.delete(used, wrong)
-    part, state, torn = _finished(part, recover(part, state))
+    part, state, torn, halves = _finished(part, recover(part, state))
     holds = "rig"
     if state.cameras is not None:
         state, holds = _held(part, state)
@@ -92,7 +97,7 @@ def consistent_fit(problem: Problem, field: DeformationField | None) -> Consiste
     misfit = _misfit(every, whole, problem.settings.finish[0])
     mask = np.zeros(problem.levels.view_count, dtype=bool)
     mask[used] = True
-    return Consistent(part, state, mask, misfit, torn, holds)
+    return Consistent(part, state, mask, misfit, torn, halves, holds)
 
 
 def _spread(cameras: np.ndarray, used: np.ndarray, problem: Problem) -> np.ndarray:
@@ -138,23 +143,30 @@ def _with_joint_material(problem: Problem, state: State) -> State:
     return refine(problem, replace(state, joint_size=np.full(problem.elastic.vertex_count, size)))
 
 
-def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn]:
-    """The last stages; torn ends, and cameras that are not exact to the last digit, are freed on the way."""
+def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves]:
+    """The last stages; torn ends, bent struts and cameras that are not exact to the last digit are freed on the way."""
     problem, state, torn = given_second_chance(plan, *mended(plan, state))
-    state = noticed(problem, state)
-    for stage in problem.settings.finish:
-        state = finish(problem, state, stage)
-        if state.cameras is None and problem.settings.cameras == "auto":
-            state = _freed(problem, state, stage)
-        if stage is not problem.settings.finish[-1]:
-            problem, state, torn = rejoined(plan, problem, state, torn, stage)
-    return problem, state.lapped("finish"), torn
+    state, halves = noticed(problem, state), Halves.none(plan.frame)
+    *sharp, sharpest = problem.settings.finish
+    for stage in sharp:
+        state = _sharpened(problem, state, stage)
+        problem, state, torn = rejoined(plan, problem, state, torn, stage)
+    if sharp:
+        plan, problem, state, torn, halves = with_bent_struts(plan, problem, state, torn)
+        if len(halves.struts):
+            state = _sharpened(problem, state, sharp[-1])
+    state = finish(problem, state, sharpest) if sharp else _sharpened(problem, state, sharpest)
+    return problem, state.lapped("finish"), torn, halves
+
+
+def _sharpened(problem: Problem, state: State, stage: Stage) -> State:
+    """After one of the last stages, and cameras freed where that asks for it."""
+    state = finish(problem, state, stage)
+    return _freed(problem, state, stage) if state.cameras is None and problem.settings.cameras == "auto" else state
 
 
 def _freed(problem: Problem, state: State, stage: Stage) -> State:
     """The state with cameras that moved to where the loss is lowest, if it is much lower there."""
-    if stage is problem.settings.finish[-1] and len(problem.settings.finish) > 1:
-        return state
     if camera_gain(problem, state, stage) < SLIGHTLY:
         return state
     state = replace(state, cameras=problem.exact_cameras())

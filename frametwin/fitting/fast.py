@@ -4,7 +4,7 @@ Where the paper lets Adam move a network, this fit minimises the squared residua
 Gauss-Newton, which a splatter can give at the cost of one more gradient. What keeps single struts from hopping to
 their neighbours is the frame's own stiffness. At first the frame may only move as it would under smooth loads
 (`frametwin.fitting.loads`), then every joint and strut is free, and each step pays elastic energy. Pictures grow from
-half a pixel to about four pixels of strut radius. Struts whose pixels stay black are put back where their
+a quarter of a pixel to about four pixels of strut radius. Struts whose pixels stay black are put back where their
 neighbours expect them, tried again, and else declared missing.
 """
 
@@ -60,6 +60,7 @@ def _result(found: Consistent) -> PartFit:
     problem, state = found.problem, found.state
     settings = problem.settings
     rods = drawn(problem, state, settings.kernels_per_strut)
+    doubt = _uncertainty(found, rods)  # from what was drawn last
     opacity = np.ones(rods.radius.shape)
     if settings.learn_opacity:
         opacity, _ = presence.seen_opacity(rods, level_of(problem, state, settings.finish[-1]))
@@ -70,9 +71,8 @@ def _result(found: Consistent) -> PartFit:
     torn, struts = found.torn, len(rods.edges)
     led = known * torn.attached(struts).all(axis=1)  # what hangs loose says nothing of the space about its joint
     field = field_through(problem.frame, rods.control_points, settings.field_cells, led)
-    doubt = _uncertainty(found, rods)
     state = state.lapped("field")
-    return PartFit(
+    part = PartFit(
         control_points=rods.control_points,
         vertices=rods.joints[: torn.planned],
         thickness=rods.radius,
@@ -88,6 +88,7 @@ def _result(found: Consistent) -> PartFit:
         attached=torn.attached(struts),
         gap=torn.gaps(rods.joints, struts),
     )
+    return found.halves.joined(part, settings.degree)
 
 
 def _uncertainty(found: Consistent, rods: Rods) -> Uncertainty:

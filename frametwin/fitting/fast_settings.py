@@ -104,6 +104,7 @@ class FastSettings(Changeable):
     finish : last stages.
     learn_thickness, learn_opacity : whether radius and presence are found.
     learn_torn : whether ends of struts may be found torn off their joints.
+    degree : of the curves of struts that are bent as no cubic can be; 3 takes every strut for a cubic.
     suspicious : a strut whose pixels are less white than this share is astray or missing.
     troubled : with more than this share of the struts astray after the frame's own motions, others are tried too.
     absent : a piece whose pixels are less white than this share is missing.
@@ -128,8 +129,8 @@ class FastSettings(Changeable):
     kernels_per_strut: Annotated[int, within(1, 1000)] = 20
     cells: Annotated[int, within(1, 6)] = 1
     coarse: tuple[CoarseStage, ...] = (
-        CoarseStage(detail=0.5, blur=1.5, iterations=14, pieces=2),
-        CoarseStage(detail=0.9, blur=1.5, iterations=10, pieces=2),
+        CoarseStage(detail=0.25, blur=0.75, iterations=14, pieces=2, longest=0.5),
+        CoarseStage(detail=0.45, blur=0.75, iterations=10, pieces=2, longest=0.5),
         CoarseStage(detail=0.9, blur=0.7, iterations=6, pieces=4),
     )
     refine: Annotated[tuple[Stage, ...], some("one stage or more")] = (
@@ -149,6 +150,7 @@ class FastSettings(Changeable):
     learn_thickness: bool = True
     learn_opacity: bool = True
     learn_torn: bool = True
+    degree: Annotated[int, within(3, 8)] = 5
     suspicious: Share = 0.9
     troubled: Share = 0.03
     absent: Share = 0.5

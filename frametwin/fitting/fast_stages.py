@@ -28,6 +28,12 @@ LOOSE = 0.03
 SETTLED, LETTING_GO = 0.03, 10
 """Share by which the loss has to fall for another round, and the most rounds."""
 
+NEAR = 0.15
+"""Pixels below which a step is not worth another one where sharper pictures follow."""
+
+NEAR_LAST = 0.1
+"""The same in the last stages: pictures that are hardly sharper than those before leave little to do."""
+
 WEAK = 1e-4
 """What is left of the weight of a strut that is astray, while its neighbours place it."""
 
@@ -84,7 +90,7 @@ def _smooth_stage_with_cameras(problem: Problem, state: State, motions: np.ndarr
 def refine(problem: Problem, state: State) -> State:
     """The stages with every joint and strut free."""
     for stage in problem.settings.refine:
-        state = free_stage(problem, state, stage)
+        state = free_stage(problem, state, stage, near=NEAR)
     return _let_go(problem, state).lapped("refine")
 
 
@@ -142,10 +148,12 @@ def finish(problem: Problem, state: State, stage: Stage) -> State:
         held = problem.elastic.stiffened(np.where(_whole(state), 1.0, 1.0 / LOOSE))
         problem = replace(problem, elastic=held)
     slow = state.strained or state.joint_size is not None or state.cameras is not None
-    return _until_settled(problem, state, stage) if slow else free_stage(problem, state, stage)
+    return _until_settled(problem, state, stage) if slow else free_stage(problem, state, stage, near=NEAR_LAST)
 
 
-def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | None = None) -> State:
+def free_stage(
+    problem: Problem, state: State, stage: Stage, lost: np.ndarray | None = None, near: float = 0.0
+) -> State:
     """Gauss-Newton steps of every joint and strut.
 
     Parameters
@@ -154,6 +162,8 @@ def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | 
         What is fitted, from where, and how.
     lost : (E,) array of bool, optional
         Struts that are astray and shall go where their neighbours take them.
+    near : float, pixels
+        The stage ends when nearly all joints move by less.
     """
     level, density = problem.level(stage), problem.levels.pixels_per_mm(stage.detail)
     for _ in range(stage.iterations):
@@ -167,6 +177,8 @@ def free_stage(problem: Problem, state: State, stage: Stage, lost: np.ndarray | 
         sizes = _joint_sizes(problem, state, terms, stage) if stage.detail > 1.0 else state.joint_size
         state = replace(state, pose=pose, terms=terms, cameras=moved, joint_size=sizes)
         state = stepped(problem, state, "joints and struts", terms.loss, level)
+        if furthest < near:
+            break
     return state
 
 

@@ -19,6 +19,7 @@ from frametwin.fitting.camera_freedoms import (
     rig_covariances,
     with_cameras,
 )
+from frametwin.fitting.cropping import cropped
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
 from frametwin.fitting.gauge import foot_deviation
@@ -50,6 +51,8 @@ class Problem:
         How well each camera is known; see `frametwin.fitting.camera_freedoms.rig_covariances`.
     callback : ProgressCallback or None
         Told of every step.
+    stiffness : (E,) array or None
+        By what factor each strut is stiffer than by its section; ``None`` for 1.
     """
 
     frame: Wireframe
@@ -58,6 +61,7 @@ class Problem:
     settings: FastSettings
     covariances: np.ndarray
     callback: ProgressCallback | None
+    stiffness: np.ndarray | None = None
 
     @classmethod
     def of(
@@ -69,7 +73,7 @@ class Problem:
         callback: ProgressCallback | None,
     ) -> Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
-        levels = Levels(frame, Pyramid(cameras, masks))
+        levels = Levels(frame, Pyramid(*cropped(frame, cameras, masks)))
         known = rig_covariances(cameras, settings.rig_errors)
         return cls(frame, ElasticFrame(frame), levels, settings, known, callback)
 
@@ -116,6 +120,13 @@ class Problem:
     def exact_cameras(self) -> np.ndarray:
         """(N, 10) freedoms of cameras that are where the rig has them."""
         return np.zeros((self.levels.view_count, FREEDOMS))
+
+    def with_frame(self, frame: Wireframe) -> Problem:
+        """The same with another frame of as many struts as have a stiffness."""
+        elastic = ElasticFrame(frame)
+        return replace(
+            self, frame=frame, elastic=elastic if self.stiffness is None else elastic.stiffened(self.stiffness)
+        )
 
     def of_views(self, chosen: np.ndarray) -> Problem:
         """The same with some of the views alone."""

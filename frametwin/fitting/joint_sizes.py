@@ -25,9 +25,16 @@ WORTH = 0.02
 
 
 def common_size(drawn: Rods, level: Level, candidates: Sequence[float] = CANDIDATES) -> float:
-    """The one size of all joints with the lowest loss; 1 where a larger one gains less than `WORTH`."""
+    """The one size of all joints with the lowest loss; 1 where a larger one gains less than `WORTH`.
+
+    Candidates, of which the first is 1, are gone through until the loss has risen twice in turn.
+    """
     ones = np.ones(len(drawn.joints))
-    losses = [rods.squared_loss(replace(drawn, joint_size=size * ones), level) for size in candidates]
+    losses: list[float] = []
+    for size in candidates:
+        losses.append(rods.squared_loss(replace(drawn, joint_size=size * ones), level))
+        if len(losses) > 2 and losses[-1] > losses[-2] > losses[-3]:
+            break
     best = int(np.argmin(losses))
     return candidates[best] if losses[best] < (1.0 - WORTH) * losses[0] else 1.0
 

@@ -55,10 +55,10 @@ def given_second_chance(plan: Problem, problem: Problem, state: State, torn: Tor
         With a vertex of its own for each torn end.
     """
     for _ in range(ROUNDS):
-        before = _loss(problem, state)
+        before = loss_of(problem, state)
         state = _struts_bowed(problem, state)
         problem, state, torn = _joints_moved(plan, problem, state, torn)
-        if _loss(problem, state) > (1.0 - GAIN) * before:
+        if loss_of(problem, state) > (1.0 - GAIN) * before:
             break
     return problem, state.lapped("second chance"), torn
 
@@ -73,16 +73,16 @@ def _joints_moved(plan: Problem, problem: Problem, state: State, torn: Torn) -> 
     furthest = torn.joints[np.argsort(-apart, kind="stable")]
     joints = list(dict.fromkeys(furthest.tolist()))[: _trials(problem)]
     if joints:
-        state = _settled(problem, state)  # as all that is tried will be
+        state = settled(problem, state)  # as all that is tried will be
     for joint in joints:
         fewer = torn.only(torn.joints != joint)
         trial = separated(plan, fewer)
-        before = _loss(problem, state)
+        before = loss_of(problem, state)
         for to_ends in (True, False):
             start = _straightened(_joined(state, torn, joint, to_ends), _struts_at(plan, joint))
-            tried = _settled(trial, start)
+            tried = settled(trial, start)
             state = replace(state, record=tried.record)
-            if _loss(trial, tried) < before:
+            if loss_of(trial, tried) < before:
                 problem, state, torn = trial, tried, fewer
                 break
     return problem, state, torn
@@ -96,11 +96,11 @@ def _struts_bowed(problem: Problem, state: State) -> State:
     struts, shapes = _promising(problem, state)
     together = [np.arange(len(struts))] if len(struts) else []
     for chosen in together + [np.array([i]) for i in range(min(len(struts), _trials(problem)))]:
-        tried = _settled(problem, _shaped(problem, state, struts[chosen], shapes[chosen]))
+        tried = settled(problem, _shaped(problem, state, struts[chosen], shapes[chosen]))
         if problem.settings.learn_opacity:
             tried = without_missing(problem, tried)
         state = replace(state, record=tried.record)
-        if _loss(problem, tried) < _loss(problem, state):
+        if loss_of(problem, tried) < loss_of(problem, state):
             state = _absent_as_before(tried, state)
             if len(chosen) == len(struts):
                 break
@@ -211,12 +211,14 @@ def _joined(state: State, torn: Torn, joint: int, to_ends: bool) -> State:
     return without_ends(replace(state, pose=pose, anchor=anchor), torn.planned, torn.joints != joint)
 
 
-def _settled(problem: Problem, state: State) -> State:
+def settled(problem: Problem, state: State) -> State:
+    """After a few steps of the last two stages in which every joint and strut is free, as all that is tried gets."""
     for stage in problem.settings.refine[-2:]:
         state = free_stage(problem, state, replace(stage, iterations=min(stage.iterations, STEPS)))
     return state
 
 
-def _loss(problem: Problem, state: State) -> float:
+def loss_of(problem: Problem, state: State) -> float:
+    """Half the sum of squared residuals by which what is tried is compared."""
     stage = problem.settings.refine[-1]
     return rods.squared_loss(drawn(problem, state, stage.pieces), level_of(problem, state, stage))

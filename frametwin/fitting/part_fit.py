@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -87,6 +88,9 @@ class PartFit:
         How far ends that are not attached are from their joints, 0 for the others.
     cloud : KernelCloud or None
         The kernels, by fitters that let them leave their curves.
+    bent : mapping of int to (n + 1, 3) array, mm
+        Curves of a degree above 3 of struts that are bent as no cubic can be; their ``control_points`` are those of the
+        cubics nearest to them.
     """
 
     control_points: np.ndarray
@@ -104,6 +108,7 @@ class PartFit:
     attached: np.ndarray | None = None
     gap: np.ndarray | None = None
     cloud: KernelCloud | None = None
+    bent: Mapping[int, np.ndarray] = dataclasses.field(default_factory=dict)
 
 
 class Fitter(Protocol):

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frametwin.fitting import presence
-from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import Stage
 from frametwin.fitting.fast_stages import free_stage
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of, terms_of
@@ -29,6 +28,10 @@ REACH = 0.8
 
 LIKELY_GAP, GAP = 1.2, 1.5
 """... and from which, once it was fitted by itself, it is taken as torn: in its trial, and in sharper pictures."""
+
+BACK = 0.6
+"""Radii from their joints at which all ends of a trial may be for it to be given up at once: those that are torn by
+enough to be told were beyond twice that after its first stage."""
 
 FURTHEST = 8.0
 """Radii by which an end is moved at the start of its trial, at most: the terms are linear."""
@@ -127,6 +130,8 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
         tried = _freed(trial, state, trial_torn, shift)
         for again in problem.settings.refine[-2:]:
             tried = free_stage(trial, tried, replace(again, iterations=min(again.iterations, TRIAL)))
+            if _came_back(tried, trial_torn, len(torn.ends)):
+                return problem, replace(state, record=tried.record).lapped("torn ends"), torn
         kept = _apart(trial, tried, trial_torn, stage, (LIKELY_GAP, LIKELY))
         found = trial_torn.only(kept)
         if not kept[len(torn.ends) :].any():
@@ -136,6 +141,13 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
         torn = found
         state = free_stage(problem, state, stage)
     return problem, state.lapped("torn ends"), torn
+
+
+def _came_back(state: State, torn: Torn, known: int) -> bool:
+    """Whether all ends after the first ``known`` are at their joints again, or nearly so."""
+    ends = state.pose.joints[torn.planned + known :, :3]
+    gap = np.linalg.norm(ends - state.pose.joints[torn.joints[known:], :3], axis=1)
+    return bool((gap < BACK * state.pose.radius[torn.ends[known:, 0]]).all())
 
 
 def rejoined(plan: Problem, problem: Problem, state: State, torn: Torn, stage: Stage) -> tuple[Problem, State, Torn]:
@@ -158,7 +170,7 @@ def _suspects(problem: Problem, state: State, stage: Stage, torn: Torn) -> tuple
     gain, shift = _gain_of_ends(terms)
     radius = state.pose.radius[:, None]
     far = np.linalg.norm(shift, axis=2)
-    asks = (gain > GAIN * _scale(problem, stage)) & (far > REACH * radius)
+    asks = (gain > GAIN * scale_of(problem, stage)) & (far > REACH * radius)
     asks[torn.ends[:, 0], torn.ends[:, 1]] = False
     edges = problem.frame.edges
     asks &= problem.frame.degree[edges] > 1
@@ -184,7 +196,7 @@ def _gain_of_ends(terms: Terms) -> tuple[np.ndarray, np.ndarray]:
     return -0.5 * (slope * shift).sum(axis=-1), shift
 
 
-def _scale(problem: Problem, stage: Stage) -> float:
+def scale_of(problem: Problem, stage: Stage) -> float:
     """Squared pixels of a stage to one where the typical radius is 1.8 pixels."""
     return (problem.levels.pixels_per_mm(stage.detail) * float(np.median(problem.frame.radius)) / 1.8) ** 2
 
@@ -193,8 +205,7 @@ def separated(plan: Problem, torn: Torn) -> Problem:
     """The problem with a vertex of its own for every torn end."""
     if not len(torn.ends):
         return plan
-    frame = plan.frame.detached(torn.ends)
-    return replace(plan, frame=frame, elastic=ElasticFrame(frame))
+    return plan.with_frame(plan.frame.detached(torn.ends))
 
 
 def _freed(problem: Problem, state: State, torn: Torn, shift: np.ndarray) -> State:
@@ -251,7 +262,7 @@ def _apart(problem: Problem, state: State, torn: Torn, stage: Stage, least: tupl
     radius = state.pose.radius[strut]
     return np.asarray(
         (np.linalg.norm(gap, axis=1) > least[0] * radius)
-        & (rise > least[1] * _scale(problem, stage))
+        & (rise > least[1] * scale_of(problem, stage))
         & (white > WHITE)
         & (off[strut] < max(BESIDE, APART * float(np.median(off))))
         & (np.abs(length - planned) < np.maximum(STRETCH * planned, radius))

@@ -43,13 +43,13 @@ class ViewMisfit:
 
 def view_misfit(drawn: Rods, level: Level) -> ViewMisfit:
     """Compare what is drawn with every picture of a level."""
-    picture = np.float32(1.0) - rods.transmittance(drawn, level)
+    through = rods.transmittance(drawn, level)
     white, missing, extra, seen = [], [], [], []
-    for own, target in zip(level.pictures(picture), level.pictures(level.target), strict=True):
-        white.append(float(target.sum()))
-        seen.append(float(own.sum()))
-        missing.append(float(np.maximum(target - own, 0.0).sum()))
-        extra.append(float(np.maximum(own - target, 0.0).sum()))
+    for own, target in zip(level.pictures(through), level.pictures(level.target), strict=True):
+        white.append(float(target.sum(dtype=np.float64)))
+        seen.append(float(own.size - own.sum(dtype=np.float64)))
+        missing.append(float(np.maximum(target + own, 1.0).sum(dtype=np.float64) - own.size))
+        extra.append(seen[-1] - white[-1] + missing[-1])
     return ViewMisfit(np.array(missing) / np.maximum(white, 1.0), np.array(extra) / np.maximum(seen, 1.0))
 
 

@@ -30,6 +30,9 @@ import numpy as np
 REACH = 3.0
 """Kernels end this many spreads s beyond the rod's edge, where the coverage is 0.0013."""
 
+FAR = 5.0
+"""Spreads from which a rod's other edge takes nothing off the coverage that a float32 could tell."""
+
 OPAQUE = 0.9995
 """Most that one kernel covers, so that its share can be divided out again."""
 
@@ -66,6 +69,8 @@ def _normal(z):
 def _coverage(d, r, s):
     if d < r - REACH * s:
         return _CORE
+    if d > FAR * s - r:
+        return _normal((r - d) / s)[0]
     return _normal((r - d) / s)[0] - _normal((-r - d) / s)[0]
 
 

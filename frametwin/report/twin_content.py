@@ -27,7 +27,7 @@ CROPPED = 6
 
 def errors_of(twin: Twin, truth: Truth | None) -> Errors | None:
     """Errors of a twin where the truth is known."""
-    return None if truth is None else evaluate(twin.control_points, twin.vertices, truth.frame, truth.present)
+    return None if truth is None else evaluate(twin.curves, twin.vertices, truth.frame, truth.present)
 
 
 def twin_content(

@@ -151,7 +151,7 @@ def evaluate(run: Path, truth: Path) -> dict[str, Any]:
     twin, frame = load_run(run)
     real = read_truth(truth, frame)
     result = {"run": run, "truth": truth}
-    result.update(compare(twin.control_points, twin.vertices, real.frame, real.present).as_dict())
+    result.update(compare(twin.curves, twin.vertices, real.frame, real.present).as_dict())
     if real.present is not None:
         found = Detection.of(missing_struts(twin, frame.printed), real.present, frame.printed)
         result["missing"] = found.as_dict()  # type: ignore[assignment]

@@ -18,7 +18,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.deformations import DEFORMATIONS, deform
 from frametwin.mechanics.sag import SagSettings
 from frametwin.progress import ProgressCallback
-from frametwin.ranges import Seed, above, at_least, check_settings, in_words, one_of, within
+from frametwin.ranges import PictureSize, Seed, ViewCount, above, at_least, check_settings, one_of, within
 from frametwin.raster.silhouette import silhouettes
 from frametwin.simulation.defects import drop_struts
 from frametwin.simulation.print_order import print_share
@@ -61,11 +61,8 @@ class SimulationSettings:
         If a value is out of its range.
     """
 
-    views: Annotated[int, within(2, 1000), in_words("a whole number from 2 to 1000, 8 are usual")] = 8
-    size: Annotated[
-        tuple[Annotated[int, within(8, 16384)], Annotated[int, within(8, 16384)]],
-        in_words("height and width from 8 to 16384 pixels"),
-    ] = (1200, 1600)
+    views: ViewCount = 8
+    size: PictureSize = (1200, 1600)
     peak: Annotated[float, above(0.0, noun="millimetres")] | None = None
     seed: Seed = 0
     missing: Annotated[int, at_least(0)] = 0

@@ -12,6 +12,7 @@ from typing import Any
 
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.bent import bent_as_records, bent_from_records
 from frametwin.twin.runs import Truth
 from frametwin.twin.twin import Twin
 
@@ -22,6 +23,7 @@ def handed_over(twin: Twin, plan: Wireframe, truth: Truth | None = None) -> dict
     """A twin, its plan and the truth, if there is one, for the worker's protocol: arrays stay arrays."""
     fields = {item.name: getattr(twin, item.name) for item in dataclasses.fields(twin)}
     fields["verdict"] = dataclasses.asdict(twin.verdict)
+    fields["bent"] = bent_as_records(twin.bent)  # keys of objects are texts in the protocol
     run: dict[str, Any] = {"twin": fields, "plan": frame_json.to_dict(plan)}
     if truth is not None:
         run["truth"] = {"frame": frame_json.to_dict(truth.frame), "present": truth.present}
@@ -36,7 +38,8 @@ def taken_over(run: Mapping[str, Any]) -> tuple[Twin, Wireframe, Truth | None]:
     InputError
         If a field is missing or wrong, as in a file.
     """
-    twin = Twin(**run["twin"], source=SOURCE)
+    fields = {**run["twin"], "bent": bent_from_records(run["twin"]["bent"], SOURCE)}
+    twin = Twin(**fields, source=SOURCE)
     plan = frame_json.parse(dict(run["plan"]), SOURCE)
     twin.as_wireframe(plan)  # refuses a twin of another frame
     truth = run.get("truth")

@@ -15,6 +15,7 @@ from frametwin.arrays import checked_array
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.bent import bent_as_records, bent_from_records, checked_bent, curves_with
 from frametwin.twin.verdict import Verdict
 
 FORMAT = "frametwin-twin"
@@ -41,13 +42,17 @@ class Twin:
     confidence
         (E,) how well the views determine the strut, 0 or more.
     sigma_across, sigma_along
-        (E,) standard deviation of the strut across and along itself in mm; ``None`` where nothing is known of it.
+        (E,) standard deviation of the strut's ``control_points`` across and along itself in mm; ``None`` where nothing
+        is known of it.
     joint_radius
         (V,) radius of the material at each joint in mm; ``None`` likewise.
     attached
         (E, 2) bool: whether the start and the end of the strut are at their joints; ``None`` where nobody looked.
     gap
         (E, 2) how far an end that is not attached is from its joint in mm, 0 for the others; ``None`` likewise.
+    bent
+        Curves (n + 1, 3) of a degree n above 3, in mm, by strut, of struts that are bent as no cubic can be; their
+        ``control_points`` are those of the cubics nearest to them. See `curves`.
     cameras
         What was corrected of each camera, and by how many standard deviations of its rig.
     views
@@ -79,6 +84,7 @@ class Twin:
     joint_radius: np.ndarray | None = None
     attached: np.ndarray | None = None
     gap: np.ndarray | None = None
+    bent: Mapping[int, np.ndarray] = field(default_factory=dict)
     cameras: Sequence[Mapping[str, Any]] = ()
     views: Sequence[Mapping[str, Any]] = ()
     verdict: Verdict = Verdict()
@@ -125,6 +131,7 @@ class Twin:
         for name, value in arrays.items():
             value.setflags(write=False)
             object.__setattr__(self, name, value)
+        object.__setattr__(self, "bent", checked_bent(self.bent, struts, source))
         loss = checked_array(list(self.loss), "f", (None,), source, "loss")
         object.__setattr__(self, "loss", tuple(loss.tolist()))
         for name in ("cameras", "views"):
@@ -146,6 +153,11 @@ class Twin:
     def strut_count(self) -> int:
         """Number of struts E."""
         return len(self.control_points)
+
+    @property
+    def curves(self) -> np.ndarray:
+        """(E, n + 1, 3) array, mm: the curves at the highest degree of any strut, 3 where none is `bent`."""
+        return curves_with(self.control_points, self.bent)
 
     def replace(self, **changes: Any) -> Twin:
         """A copy with other values in some fields, checked anew.
@@ -183,8 +195,8 @@ class Twin:
 
 
 _FIELDS = tuple(item.name for item in fields(Twin))
-_SINCE_2 = ("sigma_across", "sigma_along", "joint_radius", "attached", "gap", "cameras", "views", "verdict")
-_OPTIONAL = ("attached", "gap")
+_SINCE_2 = ("sigma_across", "sigma_along", "joint_radius", "attached", "gap", "bent", "cameras", "views", "verdict")
+_OPTIONAL = ("attached", "gap", "bent")
 
 
 def _in_range(values: np.ndarray, highest: float, source: str, name: str) -> np.ndarray:
@@ -215,6 +227,10 @@ def write_twin(folder: PathLike, twin: Twin) -> Path:
     """
     path = Path(folder) / FILE_NAME
     content = {name: getattr(twin, name) for name in _FIELDS} | {"verdict": dataclasses.asdict(twin.verdict)}
+    if twin.bent:
+        content["bent"] = bent_as_records(twin.bent)
+    else:
+        del content["bent"]
     write_json(path, {"format": FORMAT, "version": VERSION, **content})
     return path
 
@@ -240,4 +256,7 @@ def read_twin(path: PathLike) -> Twin:
         raise InputError.at(file, unknown[0], "is not a field of a twin file", "remove it")
     if not isinstance(data["loss"], list):
         raise InputError.at(file, "loss", "is not a list", "write the loss after each iteration as [number, ...]")
-    return Twin(**{name: data[name] for name in wanted if name in data}, source=str(file))
+    values = {name: data[name] for name in wanted if name in data}
+    if "bent" in values:
+        values["bent"] = bent_from_records(values["bent"], str(file))
+    return Twin(**values, source=str(file))

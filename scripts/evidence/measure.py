@@ -64,7 +64,7 @@ def _fit(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
     result = fit_views(capture.frame, capture.cameras, masks, case.preset, changes=case.changes, callback=progress)
     seconds = perf_counter() - began
     twin = result.twin
-    errors = evaluate(twin.control_points, twin.vertices, capture.truth, capture.present)
+    errors = evaluate(twin.curves, twin.vertices, capture.truth, capture.present)
     before = evaluate(capture.frame.control_points, capture.frame.vertices, capture.truth, capture.present)
     return {
         "struts": capture.frame.strut_count,
@@ -163,7 +163,7 @@ def _cube(case: Case, progress: ProgressCallback | None) -> dict[str, Any]:
     shown = twin.as_wireframe(plan) if result.cloud is None else result.cloud
     return {
         "struts": plan.strut_count,
-        "after": evaluate(twin.control_points, twin.vertices, truth).summary(),
+        "after": evaluate(twin.curves, twin.vertices, truth).summary(),
         "unlike": {"input": unlike(shown, truth, seen), "new": unlike(shown, truth, new)},
     }
 

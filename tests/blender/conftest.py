@@ -18,8 +18,9 @@ from frametwin.scratch import make_scratch, remove_scratch
 
 REASON = "Blender is absent: install the bpy wheel (pip install bpy), 4.5 for Python 3.11 or 5.2 for 3.13"
 
-# Blender looks for it once, when it is loaded: a profile of the tests' own, in which they may install extensions.
-if "BLENDER_USER_RESOURCES" not in os.environ:
+# Blender looks for it once, when it is loaded: a profile of the tests' own, in which they may install extensions; of
+# processes that share the tests, each has one.
+if "BLENDER_USER_RESOURCES" not in os.environ or "PYTEST_XDIST_WORKER" in os.environ:
     os.environ["BLENDER_USER_RESOURCES"] = str(make_scratch())
     atexit.register(remove_scratch, os.environ["BLENDER_USER_RESOURCES"])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import shutil
 import subprocess
 import sys
 import time
@@ -23,6 +24,24 @@ def build_zip(out: Path, *options: str) -> Path:
     made = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert made.returncode == 0, made.stdout + made.stderr
     return Path(made.stdout.strip().splitlines()[-1])
+
+
+def with_other_library(archive: Path, folder: Path, file: str, line: str) -> Path:
+    """The zip as it would be built after a line was added to a file of the library."""
+    from scripts.library_wheel import stamp  # here, since a Blender of its own may not see the source tree
+
+    stage = folder / "stage"
+    shutil.unpack_archive(archive, stage)
+    (wheel,) = (stage / "wheels").glob("frametwin-*.whl")
+    shutil.unpack_archive(wheel, folder / "wheel", "zip")
+    with (folder / "wheel" / file).open("a", encoding="utf-8") as stream:
+        stream.write(line)
+    shutil.make_archive(str(folder / "wheel"), "zip", folder / "wheel")
+    manifest = stage / "blender_manifest.toml"
+    text = manifest.read_text(encoding="utf-8")
+    made = stamp(Path(shutil.move(folder / "wheel.zip", wheel)))
+    manifest.write_text(text.replace(wheel.name, made.name), encoding="utf-8")
+    return Path(shutil.make_archive(str(folder / archive.stem), "zip", stage))
 
 
 def platform() -> str:

@@ -33,6 +33,11 @@ for _ in range(3):
 assert bpy.ops.frametwin.add_frame() == {{"FINISHED"}}
 heavy = {{"torch", "numba", "scipy", "cv2"}} & set(sys.modules)
 assert not heavy, heavy
+(unpacked,) = cases.Path({archive!r}).parent.glob("profile/**/site-packages/frametwin/errors.py")
+assert {line!r} not in unpacked.read_text(encoding="utf-8")
+cases.install(cases.Path({newer!r}))
+assert unpacked.read_text(encoding="utf-8").endswith({line!r})
+assert len(list(unpacked.parents[1].glob("frametwin-*"))) == 1
 print("WALKED", flush=True)
 import os
 os._exit(0)
@@ -47,11 +52,14 @@ def test_the_zip_is_whole_and_stands_alone(tmp_path: Path) -> None:
     wheel = next(name for name in names if name.startswith("wheels/frametwin-") and name.endswith(".whl"))
     assert {"blender_manifest.toml", "__init__.py", "set_up.py", "constraints.txt", "LICENSE"} <= names
     assert not [name for name in names if "numpy" in name or "torch" in name or name.endswith(".pyc")]
-    assert wheel.split("-")[1] == archive.stem.split("-")[1]
+    version, _, content = wheel.split("-")[1].partition("+")
+    assert version == archive.stem.split("-")[1] and content
+    line = "# of the next build\n"
+    newer = cases.with_other_library(archive, tmp_path / "newer", "frametwin/errors.py", line)
     # Without the source tree on the path, frametwin comes out of the zip where the environment has none installed.
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     environment |= {"BLENDER_USER_RESOURCES": str(tmp_path / "profile"), "PYTHONSAFEPATH": "1"}
-    code = CHILD.format(tests=str(Path(__file__).parent), archive=str(archive))
+    code = CHILD.format(tests=str(Path(__file__).parent), archive=str(archive), newer=str(newer), line=line)
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False, timeout=180
     )

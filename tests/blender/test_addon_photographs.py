@@ -42,18 +42,7 @@ def lab(extension: str, scene: Any, tmp_path: Path) -> Any:
     cases.addon("session").runner.close()
     cameras = ring_rig(FRAME, 7, size=(120, 160))
     known = np.diag(np.square([0.3, 0.3, 0.2, 0.2, *5 * [1e-4], *3 * [1e-4], *3 * [0.05]]))
-    seen = tuple(
-        RigCamera(
-            camera.name,
-            camera.width,
-            camera.height,
-            "OPENCV",
-            np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *np.zeros(5)]),
-            camera.camera_to_world,
-            known,
-        )
-        for camera in cameras
-    )
+    seen = tuple(RigCamera.of(camera, known) for camera in cameras)
     rig = Rig(seen, world="robot", date="2026-11-20T10:00:00").moved(standing_at(BASE))
     for folder in ("workshop", "shots", "before"):
         (tmp_path / folder).mkdir()
@@ -221,7 +210,9 @@ def test_masks_leave_out_what_the_panel_says(lab: Any, tmp_path: Path) -> None:
     lab.fit.capture, lab.fit.ignore = str(tmp_path / "capture"), str(tmp_path / "arm")
     (tmp_path / "arm").mkdir()
     ops.show_masks()
-    assert "arm" in cases.pump_until_done() and cases.addon("session").runner.status.error
+    words = cases.pump_until_done()
+    assert words.startswith(f"{tmp_path / 'arm'}: Leave Out: holds no picture")
+    assert cases.addon("session").runner.status.error
     cv2.imwrite(str(tmp_path / "arm" / "camera_04.png"), np.full((120, 160), 255, dtype=np.uint8))
     ops.show_masks()
     cases.pump_until_done()

@@ -67,6 +67,8 @@ class Job:
         count their steps together have the same. See `Status.overall`.
     part
         Which of how many jobs that follow each other this is, from 0.
+    labels
+        What the interface calls fields that errors of the worker name: an error names what its user sees.
     """
 
     title: str
@@ -82,6 +84,7 @@ class Job:
     then: Callable[[], Job] | None = None
     stages: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     part: tuple[int, int] = (0, 1)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
 
 class Runner:
@@ -233,7 +236,9 @@ class Runner:
             raise Cancelled
         if event["kind"] == ENDED:
             raise FrameTwinError(f"{event['message']} The next {self.status.title.lower()} starts a fresh one.")
-        raise error_of(event)
+        error = error_of(event)
+        label = self._job.labels.get(error.field) if self._job is not None else None
+        raise error if label is None else error.with_field(label)
 
     def _arrived(self, result: dict[str, Any]) -> None:
         assert self._job is not None

@@ -57,7 +57,7 @@ def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> di
     if twin.gap is not None:
         columns["gap"] = ("mm", twin.gap.max(axis=1))
     if truth is not None:
-        error = _errors(twin.control_points, truth)
+        error = _errors(twin.curves, truth)
         columns |= {"error": ("mm", error.mean(axis=1)), "error_max": ("mm", error.max(axis=1))}
     columns = {name: (unit, np.where(frame.printed, values, np.nan)) for name, (unit, values) in columns.items()}
     columns |= {"printed": ("", frame.printed.astype(np.float64)), "batch": ("", frame.batch.astype(np.float64))}

@@ -21,7 +21,7 @@ from frametwin.geometry.wireframe import Wireframe, straight_control_points
 from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.printing.simulation.outcome import Standing
 from frametwin.progress import ProgressCallback
-from frametwin.ranges import at_least, check_settings, in_words, one_of, within
+from frametwin.ranges import PictureSize, ViewCount, at_least, check_settings, one_of, within
 from frametwin.raster.silhouette import silhouettes
 
 RENDERERS = ("library", "mask", "photo")
@@ -62,11 +62,8 @@ class SimulatedRig:
         If a value is out of its range.
     """
 
-    views: Annotated[int, within(2, 1000), in_words("a whole number from 2 to 1000, 8 are usual")] = 8
-    size: Annotated[
-        tuple[Annotated[int, within(8, 16384)], Annotated[int, within(8, 16384)]],
-        in_words("height and width from 8 to 16384 pixels"),
-    ] = (1200, 1600)
+    views: ViewCount = 8
+    size: PictureSize = (1200, 1600)
     render: Annotated[str, one_of(RENDERERS)] = "library"
     samples: Annotated[int, within(1, 4096)] = 8
     turn_error: Annotated[float, at_least(0.0)] = 0.0
@@ -109,21 +106,7 @@ class SimulatedRig:
         """The rig of a calibration that knows how well it has done: poses err by so much, lenses do not."""
         turn, shift = np.radians(self.turn_error) / np.sqrt(3.0), self.shift_error / np.sqrt(3.0)
         covariance = np.diag([*np.zeros(9), *3 * [turn**2], *3 * [shift**2]])
-        return Rig(
-            tuple(
-                RigCamera(
-                    camera.name,
-                    camera.width,
-                    camera.height,
-                    camera.model,
-                    np.array([camera.fl_x, camera.fl_y, camera.cx, camera.cy, *camera.distortion]),
-                    np.array(camera.camera_to_world),
-                    covariance,
-                )
-                for camera in told
-            ),
-            world="robot",
-        )
+        return Rig(tuple(RigCamera.of(camera, covariance) for camera in told), world="robot")
 
     def take(
         self,

@@ -17,9 +17,15 @@ import re
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from frametwin.errors import InputError
 from frametwin.files import PathLike, read_text
-from frametwin.printing.toolpath.exports.robot_program import RobotProgram, heading, moves_of, rounded_down
+from frametwin.printing.toolpath.exports.robot_program import (
+    ReadMoves,
+    RobotProgram,
+    heading,
+    moves_of,
+    not_understood,
+    rounded_down,
+)
 from frametwin.printing.toolpath.waypoints import Waypoints
 from frametwin.printing.toolpath.workspace import Workspace
 
@@ -90,37 +96,29 @@ def read_krl(path: PathLike) -> RobotProgram:
     InputError
         If the file is missing or holds a line of another kind.
     """
-    rows: list[list[float]] = []
-    extrude: list[bool] = []
-    dwell: list[float] = []
-    flows, speed, blend = False, 0.0, 0.0
+    read, speed, blend = ReadMoves(), 0.0, 0.0
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         text = line.strip()
         if match := _MOVE.fullmatch(text):
             *pose, passes = match.groups()
-            rows.append([*(float(word) for word in pose), speed, blend if passes else 0.0])
-            extrude.append(flows)
-            dwell.append(0.0)
+            read.move([*(float(word) for word in pose), speed, blend if passes else 0.0])
         elif match := _SPEED.fullmatch(text):
             speed = float(match.group(1))
         elif match := _BLEND.fullmatch(text):
             blend = float(match.group(1))
         elif match := _OUTPUT.fullmatch(text):
-            flows = match.group(1) == "TRUE"
-            if extrude:
-                extrude[-1] = flows
-        elif (match := _WAIT.fullmatch(text)) and dwell:
-            dwell[-1] += float(match.group(1))
+            read.switch(match.group(1) == "TRUE")
+        elif (match := _WAIT.fullmatch(text)) and read.rows:
+            read.wait(float(match.group(1)))
         elif text not in (*_SETUP, _START) and not _OTHER.fullmatch(text):
-            problem = f"{text[:60]!r} is not understood"
-            raise InputError.at(path, f"line {number}", problem, "give a program of FrameTwin")
-    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
+            raise not_understood(path, number, text)
+    table = np.array(read.rows, dtype=np.float64).reshape(-1, 8)
     turns = Rotation.from_euler("ZYX", table[:, 3:6], degrees=True) if len(table) else Rotation.identity(0)
     return RobotProgram(
         position=table[:, :3],
         rotation_vector=turns.as_rotvec(),
         speed=1000.0 * table[:, 6],
-        extrude=np.array(extrude, dtype=bool),
-        dwell=np.array(dwell),
+        extrude=np.array(read.extrude, dtype=bool),
+        dwell=np.array(read.dwell),
         blend=table[:, 7],
     )

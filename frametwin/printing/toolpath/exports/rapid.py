@@ -19,8 +19,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frametwin.errors import InputError
-from frametwin.files import PathLike, read_text
-from frametwin.printing.toolpath.exports.robot_program import RobotProgram, heading, moves_of, rounded_down
+from frametwin.files import PathLike
+from frametwin.printing.toolpath.exports.robot_program import (
+    Lines,
+    RobotProgram,
+    heading,
+    moves_of,
+    read_moves,
+    rounded_down,
+)
 from frametwin.printing.toolpath.waypoints import Waypoints
 from frametwin.printing.toolpath.workspace import Workspace
 
@@ -72,26 +79,8 @@ def read_rapid(path: PathLike) -> RobotProgram:
     InputError
         If the file is missing or holds a line of another kind.
     """
-    rows: list[list[float]] = []
-    extrude: list[bool] = []
-    dwell: list[float] = []
-    flows = False
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        text = line.strip()
-        if match := _MOVE.fullmatch(text):
-            rows.append([float(word or 0.0) for word in match.groups()])
-            extrude.append(flows)
-            dwell.append(0.0)
-        elif match := _OUTPUT.fullmatch(text):
-            flows = match.group(1) == "1"
-            if extrude:
-                extrude[-1] = flows
-        elif (match := _WAIT.fullmatch(text)) and dwell:
-            dwell[-1] += float(match.group(1))
-        elif not _OTHER.fullmatch(text):
-            problem = f"{text[:60]!r} is not understood"
-            raise InputError.at(path, f"line {number}", problem, "give a program of FrameTwin")
-    table = np.array(rows, dtype=np.float64).reshape(-1, 9)
+    read = read_moves(path, Lines(move=_MOVE, switch=_OUTPUT, on="1", wait=_WAIT, other=_OTHER))
+    table = np.array(read.rows, dtype=np.float64).reshape(-1, 9)
     if (np.abs(np.linalg.norm(table[:, 3:7], axis=1) - 1.0) > 1e-6).any():
         raise InputError.at(path, "robtarget", "an orientation is no unit quaternion", "give a program of FrameTwin")
     turns = Rotation.from_quat(table[:, [4, 5, 6, 3]]) if len(table) else Rotation.identity(0)
@@ -99,8 +88,8 @@ def read_rapid(path: PathLike) -> RobotProgram:
         position=table[:, :3],
         rotation_vector=turns.as_rotvec(),
         speed=table[:, 7],
-        extrude=np.array(extrude, dtype=bool),
-        dwell=np.array(dwell),
+        extrude=np.array(read.extrude, dtype=bool),
+        dwell=np.array(read.dwell),
         blend=table[:, 8],
     )
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from frametwin.errors import InputError
+from frametwin.files import PathLike, read_text
 from frametwin.printing.toolpath.waypoints import PRINT, Waypoints
 from frametwin.printing.toolpath.workspace import Workspace
 
@@ -42,6 +45,92 @@ class RobotProgram:
     extrude: np.ndarray
     dwell: np.ndarray
     blend: np.ndarray
+
+
+@dataclass(eq=False)
+class ReadMoves:
+    """The moves of a program, as its lines are read one after the other.
+
+    Attributes
+    ----------
+    rows : list of lists of floats
+        What the line of each move says.
+    extrude : list of bool
+        Whether material flows from the arrival of each move on.
+    dwell : list of floats, s
+        Waited there.
+    """
+
+    rows: list[list[float]] = field(default_factory=list)
+    extrude: list[bool] = field(default_factory=list)
+    dwell: list[float] = field(default_factory=list)
+    _flows: bool = False
+
+    def move(self, row: list[float]) -> None:
+        """A line that moves."""
+        self.rows.append(row)
+        self.extrude.append(self._flows)
+        self.dwell.append(0.0)
+
+    def switch(self, flows: bool) -> None:
+        """A line that lets material flow, or ends that."""
+        self._flows = flows
+        if self.extrude:
+            self.extrude[-1] = flows
+
+    def wait(self, seconds: float) -> None:
+        """A line that waits where the last move went."""
+        self.dwell[-1] += seconds
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Kinds of lines of a language in which a move says all that is to be known of it; patterns of whole lines.
+
+    Attributes
+    ----------
+    move
+        Its groups are numbers, 0 where one is missing.
+    switch, on
+        Of the output of the extruder, and what its last group is where material flows.
+    wait
+        Its group is the time in seconds.
+    other
+        What means nothing here.
+    """
+
+    move: re.Pattern[str]
+    switch: re.Pattern[str]
+    on: str
+    wait: re.Pattern[str]
+    other: re.Pattern[str]
+
+
+def read_moves(path: PathLike, lines: Lines) -> ReadMoves:
+    """Read the moves of a program.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or holds a line of another kind.
+    """
+    read = ReadMoves()
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        text = line.strip()
+        if match := lines.move.fullmatch(text):
+            read.move([float(word or 0.0) for word in match.groups()])
+        elif match := lines.switch.fullmatch(text):
+            read.switch(match.groups()[-1] == lines.on)
+        elif (match := lines.wait.fullmatch(text)) and read.rows:
+            read.wait(float(match.group(1)))
+        elif not lines.other.fullmatch(text):
+            raise not_understood(path, number, text)
+    return read
+
+
+def not_understood(path: PathLike, number: int, text: str) -> InputError:
+    """What to tell of a line that no program of FrameTwin has."""
+    return InputError.at(path, f"line {number}", f"{text[:60]!r} is not understood", "give a program of FrameTwin")
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,14 @@ import re
 
 import numpy as np
 
-from frametwin.errors import InputError
-from frametwin.files import PathLike, read_text
-from frametwin.printing.toolpath.exports.robot_program import RobotProgram, blend_radii, rounded_down
+from frametwin.files import PathLike
+from frametwin.printing.toolpath.exports.robot_program import (
+    Lines,
+    RobotProgram,
+    blend_radii,
+    read_moves,
+    rounded_down,
+)
 from frametwin.printing.toolpath.waypoints import Waypoints
 from frametwin.printing.toolpath.workspace import Workspace, rotation_vectors
 
@@ -32,6 +37,7 @@ _MOVE = re.compile(
 )
 _OUTPUT = re.compile(r"set_standard_digital_out\((\d+), (True|False)\)")
 _SLEEP = re.compile(rf"sleep\(({_NUMBER})\)")
+_OTHER = re.compile(r"(def \w+\(\):|end|\w+\(\)|)")
 
 
 def to_text(waypoints: Waypoints, limits: Workspace) -> str:
@@ -69,33 +75,13 @@ def read_urscript(path: PathLike) -> RobotProgram:
     InputError
         If the file is missing or holds a line of another kind.
     """
-    poses, speeds, extrude, dwell, blend = [], [], [], [], []
-    flows = False
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        text = line.strip()
-        if match := _MOVE.fullmatch(text):
-            values = [float(word or 0.0) for word in match.groups()]
-            poses.append(values[:6])
-            speeds.append(values[7])
-            extrude.append(flows)
-            dwell.append(0.0)
-            blend.append(values[8])
-        elif match := _OUTPUT.fullmatch(text):
-            flows = match.group(2) == "True"
-            if extrude:
-                extrude[-1] = flows
-        elif (match := _SLEEP.fullmatch(text)) and dwell:
-            dwell[-1] += float(match.group(1))
-        elif not re.fullmatch(r"(def \w+\(\):|end|\w+\(\)|)", text):
-            raise InputError.at(
-                path, f"line {number}", f"{text[:60]!r} is not understood", "give a program of FrameTwin"
-            )
-    pose = np.array(poses, dtype=np.float64).reshape(-1, 6)
+    read = read_moves(path, Lines(move=_MOVE, switch=_OUTPUT, on="True", wait=_SLEEP, other=_OTHER))
+    table = np.array(read.rows, dtype=np.float64).reshape(-1, 9)
     return RobotProgram(
-        position=pose[:, :3] * 1000.0,
-        rotation_vector=pose[:, 3:],
-        speed=np.array(speeds) * 1000.0,
-        extrude=np.array(extrude, dtype=bool),
-        dwell=np.array(dwell),
-        blend=np.array(blend) * 1000.0,
+        position=table[:, :3] * 1000.0,
+        rotation_vector=table[:, 3:6],
+        speed=table[:, 7] * 1000.0,
+        extrude=np.array(read.extrude, dtype=bool),
+        dwell=np.array(read.dwell),
+        blend=table[:, 8] * 1000.0,
     )

@@ -1,0 +1,175 @@
+"""Struts that are bent as no cubic can be: they are fitted as two curves that meet in the middle.
+
+A strut that is clamped at both ends and bows between them, as s^2 (1 - s)^2 does, leaves at least a sixth of its bow
+to the cubic nearest to it. Those that would gain much by a bow
+(`frametwin.fitting.bows`), and those that seem to be torn off a joint, are halved: the frame gets a
+joint in the middle of each, with the freedoms of every other joint, and all that is known of frames holds for the
+halves. What is found is one curve of a higher degree again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frametwin.fitting.bows import suspects
+from frametwin.fitting.fast_stages import without_missing
+from frametwin.fitting.fast_state import Problem, State, drawn, terms_of
+from frametwin.fitting.halves import SAMPLES, Halves, cut, halved_frame, joined_curve, laid_along
+from frametwin.fitting.misplaced import loss_of, settled
+from frametwin.fitting.motion import Pose
+from frametwin.fitting.tangled import untangled
+from frametwin.fitting.torn_ends import Torn, scale_of, separated, without_ends
+from frametwin.geometry import bezier
+
+BENT, RISE = 0.2, 0.2
+"""Radii by which the halves of a strut have to be off the cubic nearest to them to stay, and rise of the loss, were
+they drawn as it, in squared pixels where the typical strut's radius is 1.8 pixels."""
+
+WINS = 0.1
+"""Share of these rises, at least, by which the loss is lower with the struts halved than without: what is put down to
+bows may be the fault of others."""
+
+SOFTER = 0.03
+"""Stiffness of halves, by which they are held to where they were, relative to other struts'."""
+
+
+class Bent(NamedTuple):
+    """A fit with some struts in halves; see `frametwin.fitting.consistency.Consistent`.
+
+    Attributes
+    ----------
+    plan : Problem
+        With every end of a strut at its joint.
+    problem, state, torn
+        With a vertex of its own for each torn end.
+    halves : Halves
+        Struts of all of these that are halves.
+    """
+
+    plan: Problem
+    problem: Problem
+    state: State
+    torn: Torn
+    halves: Halves
+
+    @property
+    def loss(self) -> float:
+        """By which what is tried is compared."""
+        return loss_of(self.problem, self.state)
+
+    def after(self, other: Bent) -> Bent:
+        """The same, with the record of what was tried meanwhile."""
+        return self._replace(state=replace(self.state, record=other.state.record))
+
+
+def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) -> Bent:
+    """Halve struts that are bent as no cubic can be, also such as seem to be torn off joints, where it explains more.
+
+    Parameters
+    ----------
+    plan, problem, state, torn
+        As of `Bent`, with every strut whole.
+    """
+    whole = Bent(plan, problem, state, torn, Halves.none(plan.frame))
+    if problem.settings.degree <= 3:
+        return whole
+    asking, loose = suspects(problem, state), np.unique(torn.ends[:, 0])
+    for chosen in (np.union1d(asking, loose), np.setdiff1d(asking, loose)) if len(loose) else (asking,):
+        found = _halved(whole, chosen)
+        whole = whole.after(found)
+        if len(found.halves.struts):
+            return _with_those_hidden_before(whole, found, chosen)
+    return whole
+
+
+def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -> Bent:
+    """Halve also struts that ask for it only once others are halved."""
+    halves = found.halves
+    more = np.setdiff1d(suspects(found.problem, found.state), np.concatenate([looked_at, halves.second]))
+    if not len(more):
+        return found
+    again = _halved(whole.after(found), np.union1d(halves.struts, more))
+    return again if len(again.halves.struts) > len(halves.struts) and again.loss < found.loss else found.after(again)
+
+
+def _halved(whole: Bent, struts: np.ndarray) -> Bent:
+    """With those of the struts halved that need it; as it is but for the record where that explains no more."""
+    while len(struts):
+        found = _tried(whole, replace(whole.halves, struts=struts))
+        whole = whole.after(found)
+        kept, rise = _needed(found.problem, found.state, found.halves)
+        if kept.all():
+            least = found.loss + WINS * rise.sum()
+            if least < whole.loss or least < loss_of(whole.problem, settled(whole.problem, whole.state)):
+                return found._replace(state=untangled(found.problem, found.state, found.halves))
+            break
+        struts = struts[kept]
+    return whole
+
+
+def _needed(problem: Problem, state: State, halves: Halves) -> tuple[np.ndarray, np.ndarray]:
+    """(H,) array of bool: halved struts that would be far off, and explain less, as cubics; and (H,) how much less."""
+    off, rise = _as_cubics(problem, state, halves)
+    least = RISE * scale_of(problem, problem.settings.refine[-1])
+    return np.asarray((off > BENT * state.pose.radius[halves.struts]) & (rise > least)), rise
+
+
+def _tried(whole: Bent, halves: Halves) -> Bent:
+    """With struts in two halves, those whose ends seemed torn at their joints, and settled."""
+    plan, problem, state, torn, _ = whole
+    frame = halved_frame(plan.frame, halves)
+    softer = np.ones(frame.strut_count)
+    softer[np.concatenate([halves.struts, halves.second])] = SOFTER
+    new_plan = replace(plan, stiffness=softer).with_frame(frame)
+    still = ~np.isin(torn.ends[:, 0], halves.struts)
+    joined, fewer = without_ends(state, torn.planned, still), torn.only(still)
+    new_torn = Torn(fewer.ends, fewer.joints, frame.vertex_count)
+    new = separated(new_plan, new_torn)
+    tried = settled(new, _in_halves(separated(plan, fewer), new, joined, halves))
+    if problem.settings.learn_opacity and (state.pose.opacity[halves.struts] < 1.0).any():
+        tried = without_missing(new, tried)
+    return Bent(new_plan, new, tried, new_torn, halves)
+
+
+def _in_halves(old: Problem, new: Problem, state: State, halves: Halves) -> State:
+    """The state of a problem for the one with struts in two halves, which are where they were."""
+    planned, count = halves.planned_vertices, len(halves.struts)
+
+    def halved(pose: Pose) -> Pose:
+        curves = old.elastic.displaced(old.frame.control_points, pose.joints, pose.inner)
+        known = np.concatenate([pose.joints[:planned], np.zeros((count, 6)), pose.joints[planned:]])
+        joints, inner = laid_along(new, known, cut(curves, halves), planned + np.arange(count))
+        opacity = halves.halved(pose.opacity)
+        opacity[np.concatenate([halves.struts, halves.second])] = 1.0
+        return Pose(joints, inner, halves.halved(pose.radius), opacity)
+
+    sizes = state.joint_size
+    if sizes is not None:
+        sizes = np.concatenate([sizes[:planned], np.ones(count), sizes[planned:]])
+    return replace(state, pose=halved(state.pose), anchor=halved(state.anchor), joint_size=sizes, terms=None)
+
+
+def _as_cubics(problem: Problem, state: State, halves: Halves) -> tuple[np.ndarray, np.ndarray]:
+    """What it would cost to draw halved struts as the cubics nearest to them.
+
+    Returns
+    -------
+    (H,) mm by which the halves are off them, at most, and (H,) rises of the loss.
+    """
+    stage = problem.settings.refine[-1]
+    curves = drawn(problem, state, 1).control_points
+    first, second = curves[halves.struts], curves[halves.second]
+    cut = bezier.split(joined_curve(first, second, 3), 0.5)
+    terms = terms_of(problem, state, stage)
+    rise, off = np.zeros(len(first)), np.zeros(len(first))
+    u = np.linspace(0.0, 1.0, SAMPLES)
+    for struts, now, then in ((halves.struts, first, cut[0]), (halves.second, second, cut[1])):
+        moved = then - now
+        off = np.maximum(off, np.linalg.norm(bezier.evaluate(moved, u), axis=2).max(axis=1))
+        step = moved.reshape(-1, 12)
+        rise += np.einsum("ea,ea->e", terms.gradient[struts], step)
+        rise += 0.5 * np.einsum("ea,eab,eb->e", step, terms.hessian[struts], step)
+    return off, rise

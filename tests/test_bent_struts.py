@@ -1,0 +1,173 @@
+"""Struts that are bent as no cubic can be: found by the fit, kept by the twin and its files, judged by their curves."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from frametwin.errors import InputError
+from frametwin.evaluation.evaluate import evaluate
+from frametwin.fitting.api import fit_views
+from frametwin.fitting.halves import Halves, halved_frame, joined_curve
+from frametwin.formats import find_frame
+from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.raster.silhouette import silhouettes
+from frametwin.simulation.simulate import SimulationSettings, simulate
+from frametwin.twin.handing_over import handed_over, taken_over
+from frametwin.twin.twin import Twin, read_twin, write_twin
+
+BOW = 5.0
+"""Radii by which struts bow at their middle."""
+
+CORNERS = np.linspace(0.0, 1.0, 5)
+
+
+def bowed(curve: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """The quartic (5, 3) that is off a cubic (4, 3) by 16 s^2 (1 - s)^2 times ``by``: clamped, and off by it midway."""
+    quartic = bezier.elevate(curve, 4)
+    quartic[2] += 16.0 / 6.0 * by
+    return quartic
+
+
+def with_pieces(frame: Wireframe, quartics: dict[int, np.ndarray]) -> Wireframe:
+    """The frame with some struts along other curves, each as four cubics with the places and slopes of its curve."""
+    kept = np.setdiff1d(np.arange(frame.strut_count), list(quartics))
+    vertices, edges, curves = list(frame.vertices), frame.edges[kept].tolist(), list(frame.control_points[kept])
+    radius = frame.radius[kept].tolist()
+    for strut, quartic in quartics.items():
+        points, slopes = bezier.evaluate(quartic, CORNERS), bezier.derivative(quartic, CORNERS) / 12.0
+        start, end = frame.edges[strut]
+        joints = [start, *(len(vertices) + np.arange(3)), end]
+        vertices += list(points[1:4])
+        for i in range(4):
+            edges.append(joints[i : i + 2])
+            curves.append(np.stack([points[i], points[i] + slopes[i], points[i + 1] - slopes[i + 1], points[i + 1]]))
+            radius.append(frame.radius[strut])
+    return Wireframe.create(vertices, np.array(edges), radius=radius, control_points=np.array(curves))
+
+
+@pytest.fixture(scope="module")
+def bent_print() -> tuple[Wireframe, dict[int, np.ndarray], Twin]:
+    """Truth, the curves of three bent struts of it, and its twin."""
+    made = simulate(find_frame("half_bowl"), SimulationSettings(seed=2))
+    rng = np.random.default_rng(2)
+    long = np.flatnonzero(made.truth.chord_lengths > 8.0 * made.truth.radius)
+    quartics = {}
+    for strut in rng.choice(long, 3, replace=False).tolist():
+        curve = made.truth.control_points[strut]
+        chord, across = curve[3] - curve[0], rng.normal(size=3)
+        across -= across @ chord / (chord @ chord) * chord
+        by = BOW * made.truth.radius[strut] * across / np.linalg.norm(across)
+        quartics[strut] = bowed(curve, by)
+    seen = with_pieces(made.truth, quartics)
+    masks = [mask / np.float32(255) for mask in silhouettes(seen, made.cameras)]
+    return made.truth, quartics, fit_views(made.frame, made.cameras, masks).twin
+
+
+def off(curve: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Distances of points of a curve to the nearest of many of another."""
+    points, near = bezier.evaluate(curve, np.linspace(0.0, 1.0, 40)), bezier.evaluate(true, np.linspace(0.0, 1.0, 800))
+    return np.linalg.norm(points[:, None] - near, axis=2).min(axis=1)
+
+
+def test_bent_struts_get_the_curve_that_they_have(bent_print):
+    truth, quartics, twin = bent_print
+    assert set(quartics) <= set(twin.bent)
+    assert len(twin.bent) <= len(quartics) + 1
+    for strut, true in quartics.items():
+        radius = truth.radius[strut]
+        found, cubic = off(twin.bent[strut], true), off(twin.control_points[strut], true)
+        assert found.mean() < 0.1 * radius
+        assert found.max() < 0.3 * radius
+        assert cubic.max() > 2.0 * found.max()  # as the bow that is clamped leaves a sixth of itself to any cubic
+        assert cubic.mean() < 2.0 * twin.sigma_across[strut]  # which is that of the cubic
+
+
+def test_nothing_else_is_disturbed_by_bent_struts(bent_print):
+    truth, quartics, twin = bent_print
+    assert twin.attached.all()
+    assert (twin.completeness > 0.97).all()
+    whole = np.setdiff1d(np.arange(truth.strut_count), list(quartics))
+    errors = evaluate(twin.curves, twin.vertices, truth)
+    assert errors.strut_mean[whole].max() < 0.3 * truth.radius.max()
+    assert errors.joints.max < 0.3 * truth.radius.max()
+    assert twin.control_points.shape == truth.control_points.shape
+    assert len(twin.vertices) == truth.vertex_count
+
+
+def test_curves_of_a_twin_are_the_cubics_but_for_bent_struts(bent_print):
+    truth, quartics, twin = bent_print
+    u = np.linspace(0.0, 1.0, 9)
+    whole = np.setdiff1d(np.arange(truth.strut_count), list(twin.bent))
+    curves, cubics = bezier.evaluate(twin.curves, u), bezier.evaluate(twin.control_points, u)
+    assert twin.curves.shape == (truth.strut_count, 6, 3)
+    np.testing.assert_allclose(curves[whole], cubics[whole], atol=1e-9)
+    for strut in quartics:
+        np.testing.assert_allclose(curves[strut], bezier.evaluate(twin.bent[strut], u), atol=1e-9)
+        assert np.abs(curves[strut] - cubics[strut]).max() > 0.3 * truth.radius[strut]
+
+
+def test_bent_struts_are_in_the_file_and_cross_to_another_process(bent_print, tmp_path):
+    truth, _, twin = bent_print
+    write_twin(tmp_path, twin)
+    plan = truth.replace(vertices=twin.vertices, control_points=twin.control_points)
+    for again in (read_twin(tmp_path), taken_over(handed_over(twin, plan))[0]):
+        assert again.bent.keys() == twin.bent.keys()
+        for strut, curve in twin.bent.items():
+            np.testing.assert_array_equal(again.bent[strut], curve)
+
+
+@pytest.mark.parametrize(
+    ("bent", "told"),
+    [
+        ({"3": []}, "list of struts"),
+        ([{"strut": 3}], "list of struts"),
+        ([{"strut": 1e9, "control_points": [[0, 0, 0]] * 6}], "strut"),
+        ([{"strut": 10**9, "control_points": [[0, 0, 0]] * 6}], "1000000000"),
+        ([{"strut": 3, "control_points": [[0, 0, 0]] * 4}], "4 points"),
+        ([{"strut": 3, "control_points": [[0, 0]] * 6}], "bent of strut 3"),
+        ([{"strut": 3, "control_points": [[0, 0, 0]] * 6}] * 2, "twice"),
+    ],
+)
+def test_damaged_curves_of_bent_struts_are_refused_by_name(bent_print, tmp_path, bent, told):
+    _, _, twin = bent_print
+    path = write_twin(tmp_path, twin)
+    path.write_text(json.dumps({**json.loads(path.read_text()), "bent": bent}))
+    with pytest.raises(InputError, match=told):
+        read_twin(path)
+
+
+def test_two_halves_of_a_curve_are_joined_to_it():
+    rng = np.random.default_rng(0)
+    curves = rng.normal(size=(5, 4, 3)) + 4.0 * np.arange(4)[:, None]
+    u = np.linspace(0.0, 1.0, 200)
+    for degree in (3, 5):
+        joined = joined_curve(*bezier.split(curves, 0.5), degree)
+        for one, other in zip(joined, curves, strict=True):
+            assert off(one, other).max() < 0.05
+            np.testing.assert_allclose(bezier.evaluate(one, [0.0, 1.0]), bezier.evaluate(other, [0.0, 1.0]), atol=1e-9)
+    straight = bezier.straight(curves[:, 0], curves[:, 3])
+    joined = joined_curve(*bezier.split(straight, 0.5), 5)
+    np.testing.assert_allclose(bezier.evaluate(joined, u), bezier.evaluate(straight, u), atol=1e-9)
+
+
+def test_a_frame_with_halves_has_the_same_curves():
+    frame = find_frame("half_bowl")
+    halves = Halves(np.array([4, 90]), frame.strut_count, frame.vertex_count)
+    cut = halved_frame(frame, halves)
+    assert (cut.strut_count, cut.vertex_count) == (frame.strut_count + 2, frame.vertex_count + 2)
+    for i, strut in enumerate(halves.struts):
+        middle = bezier.evaluate(frame.control_points[strut], [0.5])[0]
+        np.testing.assert_allclose(cut.vertices[frame.vertex_count + i], middle, atol=1e-9)
+        assert cut.edges[strut, 0] == frame.edges[strut, 0]
+        assert cut.edges[frame.strut_count + i, 1] == frame.edges[strut, 1]
+        assert cut.lengths[[strut, frame.strut_count + i]].sum() == pytest.approx(frame.lengths[strut])
+
+
+def test_an_exact_print_has_no_bent_strut():
+    made = simulate(find_frame("bridge"), SimulationSettings(size=(480, 640), seed=0))
+    masks = [mask / np.float32(255) for mask in silhouettes(made.truth, made.cameras)]
+    assert not fit_views(made.frame, made.cameras, masks).twin.bent
