@@ -17,11 +17,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from frametwin.cameras import Camera
-from frametwin.cameras.rig_file import read_rig
+from frametwin.cameras.lens_models import project, rays
+from frametwin.cameras.rig_file import RigCamera, read_rig
 from frametwin.capture.capture import read_capture
 from frametwin.dataset.calibration_shots import FOLDER, TRUTH_FILE
 from frametwin.dataset.camera_errors import with_true_cameras
@@ -48,7 +50,7 @@ def measure_sample(folder: Path, work: Path, fit: bool = True) -> dict[str, floa
     -------
     dict
         ``centre_mm`` and ``direction_deg``, the mean and the largest over the cameras; the distance of the cameras from
-        the print; ``twin_mm`` the mean error of the twin.
+        the print; the parts of the errors, see `parts_of`; ``twin_mm`` the mean error of the twin.
 
     Raises
     ------
@@ -63,8 +65,9 @@ def measure_sample(folder: Path, work: Path, fit: bool = True) -> dict[str, floa
     run("calibrate", "place", rig, boards / "block", "--object", truth["block"], "--at", at)
     capture = with_true_cameras(read_capture(folder))
     cameras = {view.camera.name: view.camera for view in capture.views}
-    found = {camera.name: camera.camera_to_world for camera in read_rig(rig).cameras}
-    errors = np.array([pose_errors(found[name], camera) for name, camera in cameras.items()])
+    found = {camera.name: camera for camera in read_rig(rig).cameras}
+    errors = np.array([pose_errors(found[name].camera_to_world, camera) for name, camera in cameras.items()])
+    pairs = [(found[name], camera) for name, camera in cameras.items()]
     middle = capture.frame.bounds.mean(axis=0)
     distance = np.mean([np.linalg.norm(camera.centre - middle) for camera in cameras.values()])
     result = {
@@ -74,6 +77,7 @@ def measure_sample(folder: Path, work: Path, fit: bool = True) -> dict[str, floa
         "centre_largest_mm": float(errors[:, 0].max()),
         "direction_deg": float(errors[:, 1].mean()),
         "direction_largest_deg": float(errors[:, 1].max()),
+        **parts_of(pairs, capture.frame.vertices),
     }
     if fit:
         taken = work / "capture"
@@ -93,6 +97,51 @@ def pose_errors(found: np.ndarray | None, camera: Camera) -> tuple[float, float]
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     angle = np.degrees(np.arctan2(np.linalg.norm(axis), np.trace(turn) - 1.0))
     return float(np.linalg.norm(found[:3, 3] - camera.centre)), float(angle)
+
+
+def parts_of(pairs: Sequence[tuple[RigCamera, Camera]], points: np.ndarray) -> dict[str, float]:
+    """Where errors come from, and what is left of them where it matters.
+
+    Parameters
+    ----------
+    pairs
+        Every camera as it was found, and as it is.
+    points : (N, 3) array, mm
+        Of the print.
+
+    Returns
+    -------
+    dict
+        ``shared_deg``, the turn that all cameras have in common: that of the world. ``lens_turn_deg``, the mean turn
+        that makes up for the principal point and the like, which the pose then has with the other sign.
+        ``lens_px``, what a turn does not make up for, root mean square over the picture. ``print_px``, how far from
+        their places the points of the print are seen.
+    """
+    turns, lens_turns, lens_px, print_px = [], [], [], []
+    for found, true in pairs:
+        assert found.camera_to_world is not None
+        lens = np.array([true.fl_x, true.fl_y, true.cx, true.cy, *true.distortion])
+        turns.append(found.camera_to_world[:3, :3] @ true.camera_to_world[:3, :3].T)
+        x, y = ((np.arange(24) + 0.5) * side / 24 for side in (true.width, true.height))
+        pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        wanted, there = rays(true.model, lens, pixels), rays(found.model, found.lens, pixels)
+        turn, _ = Rotation.align_vectors(wanted, there)
+        lens_turns.append(np.degrees(turn.magnitude()))
+        lens_px.append(((turn.apply(there) - wanted) ** 2).sum(axis=1).mean() * true.fl_x**2)
+        seen = [
+            project(model, values, (points - pose[:3, 3]) @ pose[:3, :3])[0]
+            for model, values, pose in (
+                (true.model, lens, true.camera_to_world),
+                (found.model, found.lens, found.camera_to_world),
+            )
+        ]
+        print_px.append(((seen[1] - seen[0]) ** 2).sum(axis=1).mean())
+    return {
+        "shared_deg": float(np.degrees(Rotation.from_matrix(turns).mean().magnitude())),
+        "lens_turn_deg": float(np.mean(lens_turns)),
+        "lens_px": float(np.sqrt(np.mean(lens_px))),
+        "print_px": float(np.sqrt(np.mean(print_px))),
+    }
 
 
 def run(*words: object, quiet: bool = True) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from frametwin.calibration.boards import DICTIONARIES, Board, Face, corner_points, faces
 from frametwin.calibration.marker_edges import edge_corners
+from frametwin.calibration.refinement import refined_charuco, refined_checkerboard
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -25,9 +26,6 @@ STRAY = 0.25
 
 STRAY_ON_FACE, STRAY_PX = 0.05, 0.3
 """The same for a face of a block, after refinement; and the least that is held against a corner, in px."""
-
-LARGEST_STEP = 1.6
-"""Pixels from OpenCV's corner to the refined one; beyond that another thing was found."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +115,10 @@ def find_corners(grey: NDArray[np.uint8], board: Board, look: Look) -> tuple[Int
     """
     seen = grey if not look.inverted else np.asarray(255 - grey, dtype=np.uint8)
     seen = np.ascontiguousarray(seen[:, ::-1]) if look.mirrored else seen
-    parts = [_find_face(seen, face, look.legacy) for face in faces(board)]
+    several = board.kind == "cuboid"  # a face that is seen steeply is left out if there are others
+    parts = [_find_face(seen, face, look.legacy, not several) for face in faces(board)]
+    if several and not any(len(part[0]) for part in parts):
+        parts = [_find_face(seen, face, look.legacy) for face in faces(board)]
     corners = np.concatenate([part[0] for part in parts])
     pixels = np.concatenate([part[1] for part in parts]) + 0.5
     if look.mirrored:
@@ -132,7 +133,7 @@ def object_points(board: Board, corners: Integers, look: Look) -> Floats:
     return points * (-1.0, 1.0, 1.0) if look.mirrored else points
 
 
-def _find_face(grey: NDArray[np.uint8], face: Face, legacy: bool) -> tuple[Integers, Floats]:
+def _find_face(grey: NDArray[np.uint8], face: Face, legacy: bool, windows: bool = True) -> tuple[Integers, Floats]:
     if face.kind == "checkerboard":
         pixels = find_checkerboard(grey, face.columns, face.rows)
         numbers = np.arange(0 if pixels is None else len(pixels))
@@ -141,7 +142,7 @@ def _find_face(grey: NDArray[np.uint8], face: Face, legacy: bool) -> tuple[Integ
     good = consistent(face.flat_corners[numbers], pixels, STRAY * face.square)
     numbers, pixels = numbers[good], pixels[good]
     if face.kind == "charuco" and len(numbers):
-        pixels = _charuco_refined(grey, face, numbers, pixels)
+        pixels = refined_charuco(grey, face, numbers, pixels, windows)
         numbers, pixels = numbers[np.isfinite(pixels[:, 0])], pixels[np.isfinite(pixels[:, 0])]
         if face.name:  # a face of a block is so small that no lens bends it
             good = consistent(face.flat_corners[numbers], pixels, STRAY_ON_FACE * face.square)
@@ -149,37 +150,6 @@ def _find_face(grey: NDArray[np.uint8], face: Face, legacy: bool) -> tuple[Integ
             good = _on_a_plane(face.flat_corners[numbers], pixels)
             numbers, pixels = numbers[good], pixels[good]
     return face.first_corner + numbers, pixels
-
-
-def _charuco_refined(grey: NDArray[np.uint8], face: Face, numbers: Integers, pixels: Floats) -> Floats:
-    """Corners to a part of a pixel, from windows that no marker reaches into; NaN where none is found.
-
-    OpenCV's own are half a pixel off in some versions (4.11), and its windows may touch the markers.
-    """
-    flat = face.flat_corners[numbers]
-    plane = np.asarray(cv2.findHomography(flat, pixels)[0], dtype=np.float64)
-    free = 0.5 * (face.square - face.marker)
-    found = np.full_like(pixels, np.nan)
-    for i, place in enumerate(flat):
-        half = int(np.clip(0.9 * free * _smallest_scale(plane, place), 2, 9))
-        refined = _corner(grey, pixels[i], half)
-        if np.linalg.norm(refined - pixels[i]) <= LARGEST_STEP:
-            found[i] = refined
-    return found
-
-
-def _smallest_scale(plane: Floats, place: Floats) -> float:
-    """Pixels in a mm at a place of the board, in the direction in which it looks shortest."""
-    w = plane[2, :2] @ place + plane[2, 2]
-    at = (plane[:2, :2] @ place + plane[:2, 2]) / w
-    jacobian = (plane[:2, :2] - np.outer(at, plane[2, :2])) / w
-    return float(np.linalg.svd(jacobian, compute_uv=False)[1])
-
-
-def _corner(grey: NDArray[np.uint8], pixel: Floats, half: int) -> Floats:
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
-    start = np.asarray(pixel, dtype=np.float32).reshape(1, 1, 2)
-    return np.asarray(cv2.cornerSubPix(grey, start, (half, half), (-1, -1), stop)[0, 0], dtype=np.float64)
 
 
 def consistent(flat: Floats, pixels: Floats, tolerance: float) -> NDArray[np.bool_]:
@@ -229,17 +199,9 @@ def find_checkerboard(grey: NDArray[np.uint8], columns: int, rows: int) -> Float
         found, pixels = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     if not found:
         return None
-    pixels = _refined(grey, np.asarray(pixels, dtype=np.float32), size)
-    grid = np.asarray(pixels, dtype=np.float64).reshape(rows, columns, 2)
+    pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    grid = refined_checkerboard(grey, pixels, columns, rows).reshape(rows, columns, 2)
     return _oriented(grey, grid).reshape(-1, 2)
-
-
-def _refined(grey: NDArray[np.uint8], pixels: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    grid = pixels.reshape(size[1], size[0], 2)
-    near = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
-    half = int(np.clip(near * 0.35, 2, 11))
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
-    return np.asarray(cv2.cornerSubPix(grey, np.ascontiguousarray(pixels), (half, half), (-1, -1), stop))
 
 
 def _oriented(grey: NDArray[np.uint8], grid: Floats) -> Floats:

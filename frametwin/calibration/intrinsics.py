@@ -24,10 +24,11 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 TERMS: dict[str, tuple[tuple[str, ...], ...]] = {
-    PERSPECTIVE: ((), ("k1",), ("k1", "k2"), ("k1", "k2", "p1", "p2"), ("k1", "k2", "p1", "p2", "k3")),
+    PERSPECTIVE: (("p1", "p2"), ("k1", "p1", "p2"), ("k1", "k2", "p1", "p2"), ("k1", "k2", "p1", "p2", "k3")),
     FISHEYE: ((), ("k1",), ("k1", "k2"), ("k1", "k2", "k3"), ("k1", "k2", "k3", "k4")),
 }
-"""Distortion terms from the fewest to the most."""
+"""Distortion terms from the fewest to the most. Tangential ones are always among them: where they are left out although
+the lens has them, a wrong principal point and a turned camera make up for them, and no held-out picture tells."""
 
 FOLDS = 4
 LEAST_PICTURES = 3
@@ -38,7 +39,7 @@ FOCAL_SHARES = np.geomspace(0.35, 5.0, 14)
 SPOILS = 2.5
 """A picture whose corners miss by so many times the median of the pictures spoils the result."""
 
-LEAST_PX = 0.07
+LEAST_PX = 0.03
 """Standard deviation of a corner that covariances take at least: what blur and markers nearby do to corners is common
 to a board, and residuals do not show it."""
 
@@ -51,11 +52,12 @@ STRAY_SIGMAS, STRAY_LEAST = 5.0, 0.5
 ROBUST_PX = 0.5
 
 NOMINAL_PX = 0.25
-"""Standard deviation of a corner with which corners are weighed against what is known beforehand."""
+"""Standard deviation of a corner, before it is known, with which it is weighed against what is known beforehand."""
 
-SQUARE_SHARE, MIDDLE_SHARE = 0.002, 0.04
-"""What is known beforehand: how far pixels are from square, as a share of the focal length, and how far the principal
-point is from the middle, as a share of the longer side; standard deviations. They matter where pictures tell little."""
+SQUARE_SHARE, MIDDLE_SHARE, TANGENTIAL = 0.002, 0.04, 0.002
+"""What is known beforehand: how far pixels are from square, as a share of the focal length, how far the principal point
+is from the middle, as a share of the longer side, and how large the tangential terms are; standard deviations. They
+matter where pictures tell little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +138,12 @@ def calibrate_lens(
     terms = _choose(held_out, TERMS[model])
     found = _solved(model, found.bundle.eyes[0].lens, size, kept, terms, watch)
     found, kept, more = _without_outliers(found, kept, model, size, terms, watch)
-    found = solve(found.bundle, covariance=True, least_sigma=LEAST_PX / NOMINAL_PX)
+    px = max(found.sigma * NOMINAL_PX, LEAST_PX)
+    found = solve(weighed(found.bundle, px), covariance=True, least_sigma=LEAST_PX / px)
     means = {"+".join(key) or "none": float(np.sqrt(values.mean())) for key, values in held_out.items()}
     notes = _notes(name, size, found, kept, every)
     return Lens(
-        camera=_camera(name, size, model, found, kept, terms, means),
+        camera=_camera(name, size, model, found, found.sigma * px, kept, terms, means),
         terms=terms,
         held_out=means,
         used=tuple(kept),
@@ -182,17 +185,24 @@ def _bundle(model: str, lens: Floats, size: tuple[int, int], sightings: Sequence
         bodies.append(Body(pose))
     weight = 1.0 / NOMINAL_PX
     links = [Link(0, i, sighting.points, sighting.pixels, weight) for i, sighting in enumerate(sightings)]
-    prior, mean = beforehand(lens, size)
+    prior, mean = beforehand(model, lens, size)
     eye = Eye(model, lens, free, np.eye(4), fixed=True, prior=prior, prior_mean=mean)
     return Bundle((eye,), tuple(bodies), tuple(links))
 
 
-def beforehand(lens: Floats, size: tuple[int, int]) -> tuple[Floats, Floats]:
+def weighed(bundle: Bundle, px: float) -> Bundle:
+    """A bundle whose corners have another standard deviation."""
+    return replace(bundle, links=tuple(replace(link, weight=1.0 / px) for link in bundle.links))
+
+
+def beforehand(model: str, lens: Floats, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """What is known of a lens before any picture: its inverse covariance (P, P), and the mean (P,) it is about."""
     prior, mean = np.zeros((len(lens), len(lens))), np.zeros(len(lens))
     mean[2:4] = 0.5 * np.array(size)
     prior[2, 2] = prior[3, 3] = (MIDDLE_SHARE * max(size)) ** -2
     prior[:2, :2] = np.array([[1.0, -1.0], [-1.0, 1.0]]) * (SQUARE_SHARE * lens[0]) ** -2
+    for i, key in enumerate(LENS_KEYS[model]):
+        prior[i, i] += TANGENTIAL**-2 if key in ("p1", "p2") else 0.0
     return prior, mean
 
 
@@ -330,6 +340,7 @@ def _camera(
     size: tuple[int, int],
     model: str,
     found: Solution,
+    sigma_px: float,
     kept: Sequence[Sighting],
     terms: Sequence[str],
     held_out: dict[str, float],
@@ -338,7 +349,7 @@ def _camera(
     covariance = found.eye_covariance(0)[:count, :count]
     figures = {
         "rms_px": float(np.sqrt(np.mean(np.concatenate([(left**2).sum(axis=1) for left in found.residuals])))),
-        "sigma_px": found.sigma * NOMINAL_PX,
+        "sigma_px": sigma_px,
         "pictures": len(kept),
         "corners": sum(len(sighting.corners) for sighting in kept),
         "distortion": list(terms),

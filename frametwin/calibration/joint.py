@@ -22,6 +22,10 @@ SPOILS_JOINT, LEAST_SPOILED_PX = 4.0, 1.0
 """A sighting of a moment is left out that misses by so many times the usual, and by so many px at least."""
 
 
+LARGEST_RATIO = 8.0
+"""How many times less sure than a board's the corners of an object may count."""
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """All that is known of a rig, at its present place.
@@ -44,8 +48,8 @@ class Joint:
         Where the object stands; held. None without an object, when the first camera is held.
     motion_mm
         How far the board moved between the pictures of a moment, one standard deviation; 0 for true moments.
-    thing_px
-        Standard deviation of the object's corners, whose squares are smaller.
+    board_px, thing_px
+        Standard deviation of a board's corners and of the object's, whose squares are smaller.
     """
 
     cameras: tuple[RigCamera, ...]
@@ -56,6 +60,7 @@ class Joint:
     thing: tuple[Sighting, ...] = ()
     thing_pose: Floats | None = None
     motion_mm: float = 0.0
+    board_px: float = NOMINAL_PX
     thing_px: float = NOMINAL_PX
 
     @property
@@ -86,7 +91,7 @@ class Adjusted:
                 "pictures": len(own),
                 "corners": len(together),
             }
-        figures["sigma_px"] = self.solution.sigma * NOMINAL_PX
+        figures["sigma_px"] = self.solution.sigma * self.joint.board_px
         covariance = self.solution.eye_covariance(i)
         return replace(
             camera, lens=eye.lens, camera_to_world=eye.camera_to_world, covariance=covariance, residuals=figures
@@ -117,18 +122,18 @@ def bundle_of(joint: Joint) -> Bundle:
     ]
     bodies, links = [], []
 
-    def link(sighting: Sighting, body: int, px: float = NOMINAL_PX, motion: Floats | None = None) -> None:
+    def link(sighting: Sighting, body: int, px: float, motion: Floats | None = None) -> None:
         links.append(Link(numbers[sighting.camera], body, sighting.points, sighting.pixels, 1.0 / px, motion))
 
     for sighting in joint.alone:
         camera = joint.cameras[numbers[sighting.camera]]
         poses = board_poses(camera.model, camera.lens, sighting)
         bodies.append(Body(joint.places[camera.name] @ poses[0][1]))
-        link(sighting, len(bodies) - 1)
+        link(sighting, len(bodies) - 1, joint.board_px)
     order = {moment: len(bodies) + i for i, moment in enumerate(joint.boards)}
     bodies += [Body(pose) for pose in joint.boards.values()]
     for sighting in joint.moments:
-        link(sighting, order[sighting.picture], motion=_motion(joint, sighting))
+        link(sighting, order[sighting.picture], joint.board_px, _motion(joint, sighting))
     if joint.thing_pose is not None:
         bodies.append(Body(joint.thing_pose, fixed=True))
         for sighting in joint.thing:
@@ -147,7 +152,7 @@ def _motion(joint: Joint, sighting: Sighting) -> Floats | None:
 def _eye(camera: RigCamera, place: Floats, fixed: bool) -> Eye:
     terms = camera.residuals.get("distortion", LENS_KEYS[camera.model][4:])
     free = np.array([i < 4 or key in terms for i, key in enumerate(LENS_KEYS[camera.model])])
-    prior, mean = beforehand(camera.lens, (camera.width, camera.height))
+    prior, mean = beforehand(camera.model, camera.lens, (camera.width, camera.height))
     return Eye(camera.model, camera.lens, free, place, fixed, prior, mean)
 
 
@@ -164,10 +169,7 @@ def _at(joint: Joint, solution: Solution) -> Joint:
 def adjust(joint: Joint, watch: Callable[[], object] | None = None) -> Adjusted:
     """Bundle adjustment of a rig: robustly, without what does not go with the rest, then with its covariance."""
     solution = solve(bundle_of(joint), robust_px=4.0 * ROBUST_PX, watch=watch, steps=40)
-    joint = _at(joint, solution)
-    if joint.thing:
-        usual = _usual_distance(solution.residuals[-len(joint.thing) :])
-        joint = replace(joint, thing_px=float(np.clip(usual, NOMINAL_PX, 8.0 * NOMINAL_PX)))
+    joint = _weighed(_at(joint, solution), solution)
     solution = solve(bundle_of(joint), robust_px=ROBUST_PX, watch=watch)
     joint, left_out = _without_spoilt(_at(joint, solution), solution)
     if left_out:
@@ -177,9 +179,19 @@ def adjust(joint: Joint, watch: Callable[[], object] | None = None) -> Adjusted:
     if any(stray.any() for stray in strays):
         joint, dropped = _without_strays(joint, strays)
         left_out += dropped
-    least = LEAST_PX / NOMINAL_PX
+    least = LEAST_PX / joint.board_px
     solution = solve(bundle_of(joint), robust_px=4.0 * ROBUST_PX, covariance=True, least_sigma=least, watch=watch)
     return Adjusted(_at(joint, solution), solution, tuple(left_out))
+
+
+def _weighed(joint: Joint, solution: Solution) -> Joint:
+    """With corners as sure as they are seen to be; where boards moved within moments, nothing tells that."""
+    alone, moments, thing = _groups(joint)
+    boards = [left for group in (alone, moments) for left in solution.residuals[group]]
+    board_px = max(_usual_distance(boards), LEAST_PX) if boards and joint.motion_mm <= 0.0 else NOMINAL_PX
+    things = solution.residuals[thing]
+    thing_px = float(np.clip(_usual_distance(things), board_px, LARGEST_RATIO * board_px)) if things else board_px
+    return replace(joint, board_px=board_px, thing_px=thing_px)
 
 
 def _groups(joint: Joint) -> tuple[slice, slice, slice]:

@@ -5,9 +5,10 @@ A corner of a square is rounded off by blur, and corner operators follow the rou
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from frametwin.calibration.edges import edge_profiles
 
 Floats = NDArray[np.float64]
 
@@ -68,17 +69,11 @@ def _edge(grey: NDArray[np.uint8], begin: Floats, end: Floats, modules: int) -> 
     across = np.linspace(-reach, reach, SAMPLES)
     middles = begin + np.linspace(*ALONG, STATIONS)[:, None] * along
     places = middles[:, None] + across[:, None] * outward
-    rows = cv2.remap(grey, places[..., 0].astype(np.float32), places[..., 1].astype(np.float32), cv2.INTER_LINEAR)
-    light = rows.astype(np.float64)
-    quarter = SAMPLES // 6
-    low, high = light[:, :quarter].mean(axis=1), light[:, -quarter:].mean(axis=1)
-    contrast = high - low
-    good = contrast > max(12.0, 0.5 * float(np.median(contrast)))
+    seen = edge_profiles(grey, places, reach)
+    good = np.isfinite(seen.positions) & (seen.contrast > 0.0)
     if good.sum() < STATIONS // 2:
         return None
-    share = np.clip((light[good] - low[good, None]) / contrast[good, None], -0.2, 1.2)
-    white = (across[1] - across[0]) * (share.sum(axis=1) - 0.5 * (share[:, 0] + share[:, -1]))
-    points = middles[good] + (reach - white)[:, None] * outward
+    points = middles[good] + seen.positions[good, None] * outward
     return _robust_line(points)
 
 
