@@ -2,8 +2,8 @@
 
 Blender unpacks a wheel of an extension only where no wheel of that name and version is unpacked already. The library's
 own version stays the same from one release to the next, so that an extension that was built again would go on with the
-library of the one before. A local version (PEP 440), as in ``0.1.0+h5f0c2a91b3d7``, tells the two apart; pip takes it
-where ``0.1.0`` is asked for.
+library of the one before. A local version (PEP 440), as ``+h5f0c2a91b3d7`` behind it, tells the two apart; pip takes it
+where the version itself is asked for.
 """
 
 from __future__ import annotations

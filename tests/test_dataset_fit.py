@@ -54,7 +54,7 @@ def test_the_table_holds_the_errors_of_the_twins(fitted: Path) -> None:
         twin = read_twin(fitted / "runs" / f"{index:06d}")
         assert capture.truth is not None
         present = defects_json.read(capture.root, capture.frame.printed) if index == 0 else None
-        errors = evaluate(twin.control_points, twin.vertices, capture.truth, present)
+        errors = evaluate(twin.curves, twin.vertices, capture.truth, present)
         assert (row.frame, row.struts, row.printed, row.views) == ("bridge", 76, 76, 6)
         assert row.curves_mean == errors.curves.mean and row.curves_max == errors.curves.max
         assert row.joints_max == errors.joints.max and row.equal_mean == errors.equal_parameter.mean

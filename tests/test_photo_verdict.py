@@ -16,6 +16,7 @@ from frametwin.evaluation.evaluate import evaluate
 from frametwin.fitting import api
 from frametwin.fitting.camera_freedoms import SHIFT, TURN, rotations
 from frametwin.fitting.judgement import judged_on_photographs
+from frametwin.fitting.photo_fit import OUTLINE_OF_MASKS
 from frametwin.formats import read_frame
 from frametwin.twin.verdict import Verdict
 
@@ -82,5 +83,5 @@ def test_what_a_fit_of_photographs_tells_reaches_its_twin(tmp_path: Path, monkey
     assert unused == [capture.views[2].camera.name]
     assert any(unused[0] in reason for reason in twin.verdict.reasons)
     nearest = max(view.camera.fl_x / np.linalg.norm(view.camera.centre) for view in capture.views)
-    assert twin.sigma_across is not None and twin.sigma_across.min() > 0.5 * api.OUTLINE_OF_MASKS / nearest
+    assert twin.sigma_across is not None and twin.sigma_across.min() > 0.5 * OUTLINE_OF_MASKS / nearest
     assert set(twin.provenance["inputs"]) == set(capture.hashes)

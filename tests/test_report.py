@@ -226,7 +226,18 @@ def test_a_twin_of_version_1_has_no_standard_deviations(run: Path, tmp_path: Pat
     old = copy_of(run, tmp_path)
 
     def age(data: dict[str, Any]) -> None:
-        for name in ("sigma_across", "sigma_along", "joint_radius", "attached", "gap", "cameras", "views", "verdict"):
+        since = (
+            "sigma_across",
+            "sigma_along",
+            "joint_radius",
+            "attached",
+            "gap",
+            "bent",
+            "cameras",
+            "views",
+            "verdict",
+        )
+        for name in since:
             data.pop(name, None)
         data["version"] = 1
 

@@ -32,6 +32,9 @@ WINS = 0.1
 """Share of these rises, at least, by which the loss is lower with the struts halved than without: what is put down to
 bows may be the fault of others."""
 
+CLEAR = 2.5
+"""Pixels of the typical strut's radius, at least: in coarser pictures bows are found where there are none."""
+
 SOFTER = 0.03
 """Stiffness of halves, by which they are held to where they were, relative to other struts'."""
 
@@ -74,7 +77,8 @@ def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) 
         As of `Bent`, with every strut whole.
     """
     whole = Bent(plan, problem, state, torn, Halves.none(plan.frame))
-    if problem.settings.degree <= 3:
+    pixels = problem.levels.density * float(np.median(problem.frame.radius))
+    if problem.settings.degree <= 3 or pixels < CLEAR:
         return whole
     asking, loose = suspects(problem, state), np.unique(torn.ends[:, 0])
     for chosen in (np.union1d(asking, loose), np.setdiff1d(asking, loose)) if len(loose) else (asking,):

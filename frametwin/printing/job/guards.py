@@ -231,7 +231,7 @@ def doubts_of_twin(
         problem = (
             f"a joint has moved by {way:.1f} mm since the last twin, and the typical strut is {length:.1f} mm long"
         )
-        remedy = "look whether the print has collapsed, and whether the pictures are those of this print"
+        remedy = "look whether the print has collapsed or was moved, whether all cameras were, and whose pictures these are"
         doubts.append(Doubt("displacement", problem, remedy))
     return doubts
 
