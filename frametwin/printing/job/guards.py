@@ -231,7 +231,9 @@ def doubts_of_twin(
         problem = (
             f"a joint has moved by {way:.1f} mm since the last twin, and the typical strut is {length:.1f} mm long"
         )
-        remedy = "look whether the print has collapsed or was moved, whether all cameras were, and whose pictures these are"
+        remedy = (
+            "look whether the print has collapsed or was moved, whether all cameras were, and whose pictures these are"
+        )
         doubts.append(Doubt("displacement", problem, remedy))
     return doubts
 
