@@ -1,10 +1,9 @@
 """Struts that are bent as no cubic can be: they are fitted as two curves that meet in the middle.
 
 A strut that is clamped at both ends and bows between them, as s^2 (1 - s)^2 does, leaves at least a sixth of its bow
-to the cubic nearest to it. Those that would gain much by a bow
-(`frametwin.fitting.bows`), and those that seem to be torn off a joint, are halved: the frame gets a
-joint in the middle of each, with the freedoms of every other joint, and all that is known of frames holds for the
-halves. What is found is one curve of a higher degree again.
+to the cubic nearest to it. Those that would gain much by a bow (`frametwin.fitting.bows`), and those that seem to be
+torn off a joint, are halved: the frame gets a joint in the middle of each, with the freedoms of every other joint, and
+all that is known of frames holds for the halves. What is found is one curve of a higher degree again.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ SOFTER = 0.03
 
 
 class Bent(NamedTuple):
-    """A fit with some struts in halves; see `frametwin.fitting.consistency.Consistent`.
+    """A fit with some struts in halves, before its last stage; see `frametwin.fitting.consistency.Consistent`.
 
     Attributes
     ----------
