@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bowed_struts import bowed, with_pieces
 from rod_cases import camera_at, level_of, lone_rod, shifted
 
 from frametwin.evaluation.evaluate import evaluate
@@ -99,30 +100,14 @@ def test_an_outline_that_is_beside_a_strut_is_told_in_radii(share: float) -> Non
 def test_a_strut_that_bowed_otherwise_than_a_cubic_can_says_how_far_it_is_off() -> None:
     """A clamped bow s^2 (1 - s)^2, of which a cubic with the same ends and tangents leaves a part."""
     capture = made("half_bowl", 9.0, seed=5)
-    truth, middle = capture.truth, np.linspace(0.0, 1.0, 5)
+    truth = capture.truth
     curve = truth.control_points[BOWED]
     aside = np.cross(curve[3] - curve[0], [0.2, -0.3, 1.0])
-    bow = 16.0 * 5.0 * truth.radius[BOWED] * aside / np.linalg.norm(aside)
-    points = bezier.evaluate(curve, middle) + (middle**2 * (1.0 - middle) ** 2)[:, None] * bow
-    slope = bezier.derivative(curve, middle)
-    slope += (2.0 * middle * (1.0 - middle) * (1.0 - 2.0 * middle))[:, None] * bow
-    pieces = [
-        np.stack([points[i], points[i] + slope[i] / 12.0, points[i + 1] - slope[i + 1] / 12.0, points[i + 1]])
-        for i in range(4)
-    ]
-    rest = np.arange(truth.strut_count) != BOWED
-    vertices = np.concatenate([truth.vertices, points[1:4]])
-    chain = [truth.edges[BOWED, 0], *range(truth.vertex_count, truth.vertex_count + 3), truth.edges[BOWED, 1]]
-    printed = Wireframe.create(
-        vertices,
-        np.concatenate([truth.edges[rest], np.stack([chain[:-1], chain[1:]], axis=1)]),
-        radius=np.append(truth.radius[rest], np.full(4, truth.radius[BOWED])),
-        control_points=np.concatenate([truth.control_points[rest], np.stack(pieces)]),
-    )
+    bent = bowed(curve, 5.0 * truth.radius[BOWED] * aside / np.linalg.norm(aside))
+    printed = with_pieces(truth, {BOWED: bent})
     twin = fitted(capture, printed, degree=3)
     found = bezier.evaluate(twin.control_points[BOWED], np.linspace(0.0, 1.0, 50))
-    fine = np.linspace(0.0, 1.0, 2000)
-    true = bezier.evaluate(curve, fine) + (fine**2 * (1.0 - fine) ** 2)[:, None] * bow
+    true = bezier.evaluate(bent, np.linspace(0.0, 1.0, 2000))
     error = np.linalg.norm(found[:, None] - true[None], axis=2).min(axis=1).mean()
     assert twin.attached.all()
     assert 0.05 < error < 2.0 * twin.sigma_across[BOWED]

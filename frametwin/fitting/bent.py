@@ -125,7 +125,7 @@ def _tried(whole: Bent, halves: Halves) -> Bent:
     plan, problem, state, torn, _ = whole
     frame = halved_frame(plan.frame, halves)
     softer = np.ones(frame.strut_count)
-    softer[np.concatenate([halves.struts, halves.second])] = SOFTER
+    softer[halves.both] = SOFTER
     new_plan = replace(plan, stiffness=softer).with_frame(frame)
     still = ~np.isin(torn.ends[:, 0], halves.struts)
     joined, fewer = without_ends(state, torn.planned, still), torn.only(still)
@@ -146,7 +146,7 @@ def _in_halves(old: Problem, new: Problem, state: State, halves: Halves) -> Stat
         known = np.concatenate([pose.joints[:planned], np.zeros((count, 6)), pose.joints[planned:]])
         joints, inner = laid_along(new, known, cut(curves, halves), planned + np.arange(count))
         opacity = halves.halved(pose.opacity)
-        opacity[np.concatenate([halves.struts, halves.second])] = 1.0
+        opacity[halves.both] = 1.0
         return Pose(joints, inner, halves.halved(pose.radius), opacity)
 
     sizes = state.joint_size
@@ -165,11 +165,11 @@ def _as_cubics(problem: Problem, state: State, halves: Halves) -> tuple[np.ndarr
     stage = problem.settings.refine[-1]
     curves = drawn(problem, state, 1).control_points
     first, second = curves[halves.struts], curves[halves.second]
-    cut = bezier.split(joined_curve(first, second, 3), 0.5)
+    cubics = bezier.split(joined_curve(first, second, 3), 0.5)
     terms = terms_of(problem, state, stage)
     rise, off = np.zeros(len(first)), np.zeros(len(first))
     u = np.linspace(0.0, 1.0, SAMPLES)
-    for struts, now, then in ((halves.struts, first, cut[0]), (halves.second, second, cut[1])):
+    for struts, now, then in ((halves.struts, first, cubics[0]), (halves.second, second, cubics[1])):
         moved = then - now
         off = np.maximum(off, np.linalg.norm(bezier.evaluate(moved, u), axis=2).max(axis=1))
         step = moved.reshape(-1, 12)

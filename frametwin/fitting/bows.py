@@ -10,7 +10,7 @@ import numpy as np
 
 from frametwin.fitting import presence
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of
-from frametwin.fitting.halves import Halves, cut_along
+from frametwin.fitting.halves import Halves, cut
 from frametwin.fitting.torn_ends import scale_of
 from frametwin.geometry import bezier
 from frametwin.raster import rods
@@ -53,15 +53,13 @@ def _gain_of_bows(whole: Rods, level: Level) -> np.ndarray:
     """(E,) falls of the loss were each strut alone free to bow beyond what its cubic can, to second order."""
     struts, pieces = len(whole.edges), max(1, whole.pieces // 2)
     halves = Halves(np.arange(struts), struts, len(whole.joints))
-    first, second = bezier.split(whole.control_points, 0.5)
-    edges = halves.halved(whole.edges)
-    edges[:struts, 1] = edges[struts:, 0] = len(whole.joints) + np.arange(struts)
+    curves = cut(whole.control_points, halves)
     drawn_halves = Rods(
-        control_points=np.concatenate([first, second]),
-        joints=np.concatenate([whole.joints, second[:, 0]]),
-        edges=edges,
+        control_points=curves,
+        joints=np.concatenate([whole.joints, curves[halves.second, 0]]),
+        edges=halves.edges(whole.edges),
         radius=halves.halved(whole.radius[:, :pieces]),
-        opacity=cut_along(whole.opacity, halves)[:, :: max(1, whole.pieces // pieces)][:, :pieces],
+        opacity=np.concatenate([whole.opacity[:, :pieces], whole.opacity[:, -pieces:]]),
         joint_size=None if whole.joint_size is None else np.concatenate([whole.joint_size, np.ones(struts)]),
     )
     terms = rods.gauss_newton(drawn_halves, level)

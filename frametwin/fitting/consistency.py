@@ -21,10 +21,9 @@ from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import WORTH, common_size
-from frametwin.fitting.misplaced import given_second_chance
+from frametwin.fitting.misplaced import given_second_chance, loss_of
 from frametwin.fitting.torn_ends import Torn, mended, rejoined
 from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
-from frametwin.raster import rods
 
 CLEARLY = 0.3
 """Share by which freeing the cameras would lower the loss after the first free steps, at which they are freed at once:
@@ -163,13 +162,9 @@ def _with_material_for_stubs(problem: Problem, state: State) -> State:
     tried = replace(even, joint_size=np.full(problem.elastic.vertex_count, size))
     for _ in range(TRIALS):
         tried = free_stage(problem, tried, stage)
-    if _loss(problem, tried, stage) < (1.0 - WORTH) * _loss(problem, state, stage):
+    if loss_of(problem, tried) < (1.0 - WORTH) * loss_of(problem, state):
         return tried.lapped("refine")
     return replace(state, record=tried.record).lapped("refine")
-
-
-def _loss(problem: Problem, state: State, stage: Stage) -> float:
-    return rods.squared_loss(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
 
 
 def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves]:

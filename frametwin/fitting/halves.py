@@ -46,6 +46,17 @@ class Halves:
         """(H,) array of int: the struts that are second halves."""
         return self.planned_struts + np.arange(len(self.struts))
 
+    @property
+    def both(self) -> np.ndarray:
+        """(2H,) array of int: first halves, then second ones."""
+        return np.concatenate([self.struts, self.second])
+
+    def edges(self, edges: np.ndarray) -> np.ndarray:
+        """(E + H, 2) vertices of all struts, of edges (E, 2) some of which are halved."""
+        result, middles = self.halved(edges), self.planned_vertices + np.arange(len(self.struts))
+        result[self.struts, 1] = result[self.second, 0] = middles
+        return result
+
     def halved(self, values: np.ndarray) -> np.ndarray:
         """Values of struts (E, ...), those of a strut for both its halves (E + H, ...)."""
         return np.concatenate([values, values[self.struts]])
@@ -143,16 +154,12 @@ def _curve_through(points: np.ndarray, u: np.ndarray, degree: int) -> np.ndarray
 
 def halved_frame(frame: Wireframe, halves: Halves) -> Wireframe:
     """The frame with a vertex in the middle of each of the struts, whose second halves come after all others."""
-    first, second = bezier.split(frame.control_points, 0.5)
-    chosen, count = halves.struts, len(halves.struts)
-    middle = frame.vertex_count + np.arange(count)
-    edges = halves.halved(frame.edges)
-    edges[chosen, 1] = edges[halves.second, 0] = middle
+    curves = cut(frame.control_points, halves)
     return frame.replace(
-        vertices=np.concatenate([frame.vertices, second[chosen, 0]]),
-        edges=edges,
-        control_points=cut(frame.control_points, halves),
-        grounded=np.concatenate([frame.grounded, np.zeros(count, dtype=bool)]),
+        vertices=np.concatenate([frame.vertices, curves[halves.second, 0]]),
+        edges=halves.edges(frame.edges),
+        control_points=curves,
+        grounded=np.concatenate([frame.grounded, np.zeros(len(halves.struts), dtype=bool)]),
         **{name: halves.halved(getattr(frame, name)) for name in ("radius", "printed", "batch")},
     )
 
@@ -162,14 +169,6 @@ def cut(curves: np.ndarray, halves: Halves) -> np.ndarray:
     first, second = bezier.split(curves[halves.struts], 0.5)
     result = halves.halved(curves)
     result[halves.struts], result[halves.second] = first, second
-    return result
-
-
-def cut_along(values: np.ndarray, halves: Halves) -> np.ndarray:
-    """(E + H, K) of values (E, K) along struts, some of them in two halves."""
-    twice, count = np.repeat(values[halves.struts], 2, axis=1), values.shape[1]
-    result = halves.halved(values)
-    result[halves.struts], result[halves.second] = twice[:, :count], twice[:, count:]
     return result
 
 

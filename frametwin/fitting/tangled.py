@@ -22,15 +22,17 @@ NEAR, PAIRS = 8.0, 6
 def untangled(problem: Problem, state: State, halves: Halves) -> State:
     """The state with halved struts of one joint in each other's place, or straight, where that explains more."""
     pairs = _near_pairs(problem, state, halves)
-    if pairs:
-        state = settled(problem, state)  # as all that is tried will be
+    if not pairs:
+        return state
+    state = settled(problem, state)  # as all that is tried will be
+    least = loss_of(problem, state)
     for pair in pairs:
         (one, other), (straight, straight_too), start = *_places(problem, state, halves, pair), state
         for places in ((other, one), (straight, straight_too), (straight, one), (other, straight_too)):
             tried = settled(problem, _with_middles_at(problem, start, halves, pair, np.stack(places)))
             state = replace(state, record=tried.record)
-            if loss_of(problem, tried) < loss_of(problem, state):
-                state = tried
+            if (loss := loss_of(problem, tried)) < least:
+                state, least = tried, loss
     return state
 
 
