@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -182,6 +183,41 @@ def test_what_is_aimed_is_forecast_to_end_at_the_design(bridge: Wireframe, seque
     straight = bridge.moved_to(plan.vertices).control_points
     bent = (plan.control_points - straight)[:, 1:3]
     np.testing.assert_allclose(bent, -fit.trust * bows, atol=0.1 * np.abs(bows).max())
+
+
+def test_batches_far_ahead_take_as_long_together_as_one_by_one(bridge: Wireframe) -> None:
+    """Each ends with a pause, in which the print goes on sagging."""
+    many = lowest_first(bridge, 38)
+    fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.2, 600.0, 0.1, 0.1))
+    plan = bridge.replace(printed=many.laid_before(2, bridge.strut_count))
+    began = PrintState.before(plan, np.zeros(bridge.strut_count), 300.0)
+    batches = [many.struts[many.batch == k] for k in range(2, 38)]
+    together, state = remaining_movement(fit, began, batches)[0], began
+    for struts in batches:
+        state = fit.model.after(state, struts, fit.parameters)
+    single = state.points - began.points
+    assert np.linalg.norm(together - single) < 0.06 * np.linalg.norm(single)
+
+
+def test_a_print_is_aimed_for_the_batches_it_will_be_laid_in(bridge: Wireframe) -> None:
+    """Batches that are cut short when their turn comes make a print longer, and it sags further."""
+    fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.5, 600.0, 0.1, 0.1, error=1e-4))
+    off = {}
+    for told in (True, False):
+        sequence, batch = lowest_first(bridge, 5), 0
+        forecast = replace(CreepForecast.start(bridge), fit=fit)
+        state = PrintState.before(forecast.plan, forecast.laid_at, 0.0)
+        while batch < sequence.batch_count:
+            plan = forecast.aimed(sequence, batch, state.points, resize=told)
+            sequence = forecast.following(plan).resized(sequence, batch)
+            laying = sequence.in_batch(batch).struts
+            state = fit.model.after(replace(state, points=np.array(plan.vertices)), laying, fit.parameters, parts=3)
+            plan = plan.replace(printed=state.laid).moved_to(state.points)
+            forecast = replace(forecast, plan=plan, laid_at=state.laid_at, clock=state.clock)
+            batch += 1
+        assert batch > 10
+        off[told] = float(np.sqrt(np.mean(np.sum((state.points - bridge.vertices) ** 2, axis=1))))
+    assert off[True] < 0.7 and off[False] > 3.0 * off[True]
 
 
 def test_what_is_not_known_is_not_acted_upon(bridge: Wireframe, sequence: PrintSequence) -> None:

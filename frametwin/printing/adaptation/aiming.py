@@ -89,11 +89,16 @@ def expected_drift(plan: Wireframe, fit: MaterialFit, state: PrintState, struts:
     """
     state = _at(state, plan.vertices)
     after = fit.model.after(state, struts, fit.parameters, parts=PARTS)
-    first = np.full(len(state.there), np.inf)
-    np.minimum.at(first, plan.edges[struts].ravel(), np.repeat(np.arange(len(struts)) + 0.5, 2))
-    since = np.where(state.there, 0.0, first)
-    rest = np.maximum(len(struts) - since, 0.5)
-    return np.where(after.there[:, None], (after.points - state.points) / rest[:, None], 0.0)
+    return drift_between(state, after, plan.edges[struts])
+
+
+def drift_between(before: PrintState, after: PrintState, ends: np.ndarray) -> np.ndarray:
+    """(V, 3) array, mm: drift with each strut of a batch, whose struts have the ends (N, 2); see `expected_drift`."""
+    first = np.full(len(before.there), np.inf)
+    np.minimum.at(first, ends.ravel(), np.repeat(np.arange(len(ends)) + 0.5, 2))
+    since = np.where(before.there, 0.0, first)
+    rest = np.maximum(len(ends) - since, 0.5)
+    return np.where(after.there[:, None], (after.points - before.points) / rest[:, None], 0.0)
 
 
 def remaining_movement(
@@ -108,8 +113,8 @@ def remaining_movement(
         beyond what their ends do.
     """
     began, parameters, bows = state.points, fit.parameters, np.zeros((len(state.laid), 2, 3))
-    for struts in _steps(batches):
-        state = fit.model.after(state, struts, parameters, bows=bows)
+    for struts, pauses in _steps(batches):
+        state = fit.model.after(state, struts, parameters, pauses=pauses, bows=bows)
     return state.points - began, bows
 
 
@@ -148,12 +153,11 @@ def _at(state: PrintState, points: np.ndarray) -> PrintState:
     return PrintState(points, state.there, state.laid, state.laid_at, state.clock)
 
 
-def _steps(batches: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """The batches, those further on put together."""
-    if len(batches) <= MOST_STEPS:
-        return list(batches)
-    far = np.array_split(np.arange(NEAR_STEPS, len(batches)), MOST_STEPS - NEAR_STEPS)
-    return [*batches[:NEAR_STEPS], *(np.concatenate([batches[i] for i in group]) for group in far)]
+def _steps(batches: Sequence[np.ndarray]) -> list[tuple[np.ndarray, int]]:
+    """The batches, those further on put together, and how many there are in each step: so many pauses it has."""
+    near, far = np.arange(min(NEAR_STEPS, len(batches))), np.arange(NEAR_STEPS, len(batches))
+    groups = np.array_split(far, min(len(far), MOST_STEPS - NEAR_STEPS)) if len(far) else []
+    return [(np.concatenate([batches[i] for i in group]), len(group)) for group in (*near[:, None], *groups)]
 
 
 def _no_longer_than(vectors: np.ndarray, most: float) -> np.ndarray:

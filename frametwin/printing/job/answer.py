@@ -312,7 +312,8 @@ def _compensated(
     batch = step.expected.batch
     if isinstance(step.forecast, CreepForecast):
         forecast = step.forecast.answered(step.expected.sequence.in_batch(batch), seen[-1], found.adapted)
-        return forecast.aimed(sequence, batch + 1, step.expected.frame.vertices), forecast
+        aims = forecast.aimed(sequence, batch + 1, step.expected.frame.vertices, resize=step.settings.resize)
+        return aims, forecast
     known = [one for one in seen if one.batch < len(step.forecast.drift)]  # struts may be laid again in one more
     return compensate(found.adapted, step.design, step.forecast.remaining_drift(known, batch + 1)), None
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.aiming import aimed, expected_drift
+from frametwin.printing.adaptation.aiming import aimed, drift_between, expected_drift
 from frametwin.printing.adaptation.material_fit import BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.process.creep import CreepModel, PrintState
@@ -77,7 +77,9 @@ class CreepForecast:
         then = state.with_struts(laying.struts, self.design.edges, model.seconds, model.settings.pause)
         return replace(self, fit=fit, plan=adapted, laid_at=then.laid_at, clock=then.clock)
 
-    def aimed(self, sequence: PrintSequence, batch: int, targets: np.ndarray | None = None) -> Wireframe:
+    def aimed(
+        self, sequence: PrintSequence, batch: int, targets: np.ndarray | None = None, *, resize: bool = False
+    ) -> Wireframe:
         """The plan with what is laid from a batch on aimed so that it ends where the design has it.
 
         Parameters
@@ -88,21 +90,46 @@ class CreepForecast:
             The next one.
         targets : (V, 3) array, mm, optional
             Where joints that are still to come were aimed before; the design by default.
+        resize
+            The batches will be made smaller or larger when their turn comes; see `resized`. Each of them ends with a
+            pause, and a print that takes longer sags further.
         """
         state = PrintState.before(self.plan, self.laid_at, self.clock)
-        batches = [sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)]
         start = self.design.vertices if targets is None else targets
+        if resize:
+            sequence = self._all_resized(sequence, batch, start)
+        batches = [sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)]
         return aimed(self.design, self.plan, start, self.fit, state, batches)
 
     def resized(self, sequence: PrintSequence, batch: int) -> PrintSequence:
         """The order with as many struts in a batch as suit the drift that is expected while it is laid."""
         laying = sequence.in_batch(batch)
         rate = self.drift(laying)
-        if rate is None:
-            return resized(sequence, batch, min(len(laying), UNTRUSTED_SIZE))
-        fastest = float(np.linalg.norm(rate[self.design.edges[laying.struts]], axis=2).max())
-        bead = 2.0 * self.fit.model.settings.bead * float(self.design.radius[laying.struts].min())
-        return resized(sequence, batch, suitable_size(len(laying), fastest / bead))
+        size = min(len(laying), UNTRUSTED_SIZE) if rate is None else self._suitable_size(laying.struts, rate)
+        return resized(sequence, batch, size)
+
+    def _all_resized(self, sequence: PrintSequence, batch: int, targets: np.ndarray) -> PrintSequence:
+        """The order with all batches from one on as large as they are expected to be made when their turn comes."""
+        if self.fit.trust < LEAST_TRUST:
+            return sequence
+        model, parameters = self.fit.model, self.fit.parameters
+        state = PrintState.before(self.plan, self.laid_at, self.clock)
+        state = replace(state, points=np.where(state.there[:, None], state.points, targets))
+        while batch < sequence.batch_count:
+            struts = sequence.in_batch(batch).struts
+            then = model.after(state, struts, parameters)
+            size = self._suitable_size(struts, drift_between(state, then, self.design.edges[struts]))
+            if size != len(struts):
+                sequence = resized(sequence, batch, size)
+                then = model.after(state, sequence.in_batch(batch).struts, parameters)
+            state, batch = then, batch + 1
+        return sequence
+
+    def _suitable_size(self, struts: np.ndarray, rate: np.ndarray) -> int:
+        """How many struts a batch should have instead of these, where joints drift like ``rate`` (V, 3)."""
+        fastest = float(np.linalg.norm(rate[self.design.edges[struts]], axis=2).max())
+        bead = 2.0 * self.fit.model.settings.bead * float(self.design.radius[struts].min())
+        return suitable_size(len(struts), fastest / bead)
 
     def drift(self, laying: PrintSequence) -> np.ndarray | None:
         """(V, 3) array, mm: expected drift with each strut of the batch; ``None`` where that cannot be told."""

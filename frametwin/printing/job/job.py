@@ -378,7 +378,8 @@ def _first_batch(
     if material is None or not (settings.compensate and settings.forecast == "creep"):
         return NextBatch(0, plan, sequence)
     forecast = CreepForecast.start(design, material)
-    return NextBatch.after(forecast.aimed(sequence, 0), sequence, 0, (), settings, False, forecast)
+    plan = forecast.aimed(sequence, 0, resize=settings.resize)
+    return NextBatch.after(plan, sequence, 0, (), settings, False, forecast)
 
 
 def _batch_folder(folder: Path, batch: int) -> Path:

@@ -209,12 +209,16 @@ class CreepModel:
         parameters: CreepParameters,
         *,
         parts: int = 1,
+        pauses: int = 1,
         bows: np.ndarray | None = None,
     ) -> PrintState:
-        """The print after a batch has been laid, settling after each of so many parts of it."""
+        """The print after a batch has been laid, settling after each of so many parts of it.
+
+        ``pauses`` is more than one where the struts are those of so many batches, each of which ends with a pause.
+        """
         for number, part in enumerate(np.array_split(struts, parts), 1):
             since = state.clock
-            pause = self.settings.pause if number == parts else 0.0
+            pause = pauses * self.settings.pause if number == parts else 0.0
             state = state.with_struts(part, self.design.edges, self.seconds, pause)
             step = self.step(state, since, parameters, bows)
             state = replace(state, points=state.points + step.moved[:, :3])
