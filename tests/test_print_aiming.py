@@ -143,6 +143,24 @@ def test_a_joint_that_one_twin_gets_wrong_says_little_of_the_material(
     assert np.abs(told[3.0] - told[0.0]).max() < 0.05
 
 
+def test_what_twins_are_off_by_is_not_held_against_a_forecast(bridge: Wireframe, sequence: PrintSequence) -> None:
+    """Where the first struts are seen beside where they are by more than they move, the rest is aimed all the same."""
+    model, rng = CreepModel(bridge, SETTINGS), np.random.default_rng(7)
+    truth = MaterialFit.start(model, known(1.2, 600.0, 0.1, 0.1))
+    fit = MaterialFit.start(model, known(1.2, 600.0, 0.1, 0.1))
+    record = records(truth, sequence, 1, 0.0)[0]
+    seen = record.known[:, None] * 0.3 * rng.normal(size=record.moved.shape)
+    assert np.linalg.norm(seen) > np.linalg.norm(record.moved)
+    assert fit.updated(replace(record, moved=record.moved + seen)).trust > 0.95
+
+
+def test_a_print_that_goes_another_way_than_forecast_is_not_aimed(bridge: Wireframe, sequence: PrintSequence) -> None:
+    fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(3.0, 600.0, 0.1, 0.1, error=0.02))
+    for record in records(fit, sequence, 8, 0.0):
+        fit = fit.updated(replace(record, moved=-record.moved))
+    assert fit.trust < 0.2
+
+
 def test_batches_that_nobody_saw_are_followed_all_the_same(bridge: Wireframe, sequence: PrintSequence) -> None:
     """What moves unseen is not taken for a sudden movement by the next twin."""
     model = CreepModel(bridge, SETTINGS)

@@ -35,8 +35,9 @@ SHIFTED, WANDERING = 0.2, 0.03
 """The same of what all joints have in common, and of how that changes from twin to twin. Cameras that are 0.05 degrees
 and 0.3 mm off from where they were calibrated shift a small print as a whole by about 0.2 mm."""
 
-MISSED = 0.15
-"""The same of a joint's movement in a batch: what twins themselves are off by is not held against a forecast."""
+BELIEVED = 1.0
+"""Square mm of movement that count as foretold before any was seen: the first movements are no larger than what twins
+are off by, and say little for or against a forecast."""
 
 MODEL_ERROR = 0.05
 """Standard deviation of what the model misses, as a share of the movement."""
@@ -125,8 +126,9 @@ class MaterialFit:
         Of the values, the shift, and the coordinates of the points, in this order.
     prints
         How many earlier prints stand behind them.
-    skill : tuple of (missed, moved)
-        Of the last batches: square mm by which the fitted model misses what joints moved, and in which they moved.
+    skill : tuple of (along, foretold)
+        Of the last batches: products of how far joints moved and how far the fitted model moves them, and squares of
+        the latter, summed, square mm.
     """
 
     model: CreepModel
@@ -173,13 +175,15 @@ class MaterialFit:
     def trust(self) -> float:
         """Share of a forecast that is acted upon, 0..1.
 
-        The less the less certain the weight is (exp(-variance), the mode of a log-normal one), and the less of the last
-        movements it explains. A print that does not move as the model has it is not printed against it.
+        The less the less certain the weight is, and the less joints moved along with the forecast: the share is the
+        slope of the line through zero by which the last movements follow the forecast ones. That single struts are
+        softer than others, or seen beside where they are, scatters about this line and does not make it flatter. A
+        print that does not move as the model has it is not printed against it.
         """
         variance = float(self.covariance[0, 0])
-        certain = float(np.exp(-variance)) if variance < MOST_VARIANCE else 0.0
-        missed, moved = (sum(part) for part in zip(*self.skill, strict=True)) if self.skill else (0.0, 0.0)
-        return certain * (float(np.clip(1.0 - missed / moved, 0.0, 1.0)) if moved > 0.0 else 1.0)
+        certain = float(np.exp(-(variance**2))) if variance < MOST_VARIANCE else 0.0
+        along, foretold = (sum(part) for part in zip(*self.skill, strict=True)) if self.skill else (0.0, 0.0)
+        return certain * float(np.clip((along + BELIEVED) / (foretold + BELIEVED), 0.0, 1.0))
 
     def updated(self, record: BatchRecord, parts: int = 3, rounds: int = 2) -> MaterialFit:
         """The fit after another twin.
@@ -253,11 +257,10 @@ class MaterialFit:
         return replace(self, values=values, shift=self.shift + change[count : count + 3], points=points)
 
     def _skill(self, record: BatchRecord, joints: np.ndarray, parts: int) -> tuple[float, float]:
-        """Square mm by which the model misses what joints moved, beyond what twins err, and in which they moved."""
+        """How far joints moved along with the model, and how far it moves them; see `skill`."""
         seen = record.moved[joints].ravel()
-        missed = self._measured(record, joints, parts, slopes=False)[0]
-        free = 3.0 * len(joints) * MISSED**2
-        return max(0.0, float(np.sum((seen - missed) ** 2)) - free), float(np.sum(seen**2))
+        foretold = self._measured(record, joints, parts, slopes=False)[0]
+        return float(seen @ foretold), float(foretold @ foretold)
 
     def _measured(
         self, record: BatchRecord, joints: np.ndarray, parts: int, slopes: bool = True
