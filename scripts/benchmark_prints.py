@@ -2,9 +2,9 @@
 
 Cameras are told with the errors of a good calibration (0.05 degrees, 0.3 mm), joints have blobs of 1.5 radii, and the
 material differs from print to print by up to 30 % in each of flow, hardening, rest and stiffness along the strut.
-``first`` knows nothing of the material, ``forecast`` what an earlier print of the frame with another seed has told, and
-``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in all of them. The
-simulated print knows nothing of twins or forecasts, and the job sees nothing but pictures.
+``first`` knows nothing of the material, ``forecast`` what some earlier prints of the frame with other seeds have told,
+one after the other, and ``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in
+all of them. The simulated print knows nothing of twins or forecasts, and the job sees nothing but pictures.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modules beside this one
 
 from frametwin.errors import InputError
-from frametwin.files import staged_directory
+from frametwin.files import read_json, staged_directory
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import NAME as MATERIAL
 from frametwin.printing.job.plan_job import PlanOptions
@@ -42,7 +42,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "forecast": {},
 }
 EARLIER = 1_000_000
-"""Seed of the print from which a material is learnt: none of those that are reported."""
+"""Seed of the first print from which a material is learnt, the others following: none of those that are reported."""
 
 RIG = SimulatedRig(size=(600, 800), turn_error=0.05, shift_error=0.3, blob=1.5)
 PRINT = PrintSettings(variation=0.3)
@@ -69,13 +69,16 @@ def printed(frame: Wireframe, order: Path, way: str, seed: int, folder: Path, ma
 
 def rows(results: list[dict[str, Any]]) -> list[str]:
     """The table, a line for each frame and way."""
-    columns = ("frame", "struts", "way", "completed", "mean deviation, mm", "largest, mm", "twin of a batch, s")
+    columns = (
+        *("frame", "struts", "way", "earlier prints", "completed"),
+        *("mean deviation, mm", "largest, mm", "twin of a batch, s"),
+    )
     lines = ["| " + " | ".join(columns) + " |", "|" + " --- |" * len(columns)]
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
+    groups: dict[tuple[str, str, int], list[dict[str, Any]]] = defaultdict(list)
     for result in results:
-        if result["seed"] != EARLIER:
-            groups[result["name"], result["way"]].append(result)
-    for (name, way), prints in groups.items():
+        if result["seed"] < EARLIER:
+            groups[result["name"], result["way"], result["earlier"]].append(result)
+    for (name, way, earlier), prints in groups.items():
         done = [one for one in prints if one["completed"]]
         mean = [one["mean_deviation"] for one in done]
         largest = [one["e_max"][-1] for one in done]
@@ -84,6 +87,7 @@ def rows(results: list[dict[str, Any]]) -> list[str]:
             name,
             str(prints[0]["struts"]),
             way,
+            str(earlier),
             f"{len(done)} of {len(prints)}",
             f"{np.mean(mean):.2f} (worst {max(mean):.2f})" if done else "",
             f"{np.mean(largest):.1f} (worst {max(largest):.1f})" if done else "",
@@ -102,10 +106,12 @@ class Bench:
         The file, which is added to and gone on with.
     work
         Where orders and materials are kept; the next run finds them.
+    earlier
+        From how many prints a material is learnt.
     """
 
-    def __init__(self, results: Path, work: Path) -> None:
-        self.file, self.work = results, work
+    def __init__(self, results: Path, work: Path, earlier: int = 1) -> None:
+        self.file, self.work, self.earlier = results, work, earlier
         lines = results.read_text().splitlines() if results.exists() else []
         self.results: list[dict[str, Any]] = [json.loads(line) for line in lines]
 
@@ -116,19 +122,29 @@ class Bench:
             write_sequence(path, plan_sequence(frame, OrderSettings(allow_contact=True)))
         return path
 
-    def material(self, name: str, frame: Wireframe) -> Path:
-        """What one earlier print of the frame has told of its material."""
-        path = self.work / f"{name}.material.json"
+    def material(self, name: str, frame: Wireframe, prints: int) -> Path:
+        """What so many earlier prints of the frame have told of its material."""
+        path = self.work / f"{name}.material{prints}.json"
         if not path.exists():
-            self.run(name, frame, "first", EARLIER, path)
+            before = self.material(name, frame, prints - 1) if prints > 1 else None
+            self.run(name, frame, "first" if before is None else "forecast", EARLIER + prints - 1, before, path)
         return path
 
-    def run(self, name: str, frame: Wireframe, way: str, seed: int, keep: Path | None = None) -> None:
+    def once(self, name: str, frame: Wireframe, way: str, seed: int) -> None:
+        """Print once, with what is to be known of the material, unless that was done before."""
+        wanted = (name, way, seed, self.earlier if way == "forecast" else 0)
+        if any((one["name"], one["way"], one["seed"], one["earlier"]) == wanted for one in self.results):
+            return
+        self.run(name, frame, way, seed, self.material(name, frame, self.earlier) if way == "forecast" else None)
+
+    def run(
+        self, name: str, frame: Wireframe, way: str, seed: int, material: Path | None, keep: Path | None = None
+    ) -> None:
         """Print once and keep what came of it."""
-        material = self.material(name, frame) if way == "forecast" else None
         with scratch_folder() as scratch:
             folder = scratch / "job"
-            result: dict[str, Any] = {"name": name, "way": way, "seed": seed}
+            earlier = 0 if material is None else int(read_json(material)["prints"])
+            result: dict[str, Any] = {"name": name, "way": way, "seed": seed, "earlier": earlier}
             result.update(printed(frame, self.order(name, frame), way, seed, folder, material))
             if keep is not None:
                 found = sorted(folder.glob(f"batches/*/{MATERIAL}"))
@@ -149,19 +165,21 @@ def main() -> None:
     parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=list(WAYS))
     parser.add_argument("--seeds", type=int, default=10, help="how many")
     parser.add_argument("--first-seed", type=int, default=0, help="of them; develop with others than are reported")
+    parser.add_argument("--earlier", type=int, default=3, help="prints from which a material is learnt")
     parser.add_argument("--results", type=Path, required=True, help="file of one JSON object a line, gone on with")
     parser.add_argument("--work", type=Path, required=True, help="folder for orders and materials")
     given = parser.parse_args()
+    if given.earlier < 1:
+        parser.error("--earlier: give at least one print")
     if not given.work.exists():
         with staged_directory(given.work):
             pass
-    bench = Bench(given.results, given.work)
+    bench = Bench(given.results, given.work, given.earlier)
     for seed in range(given.first_seed, given.first_seed + given.seeds):
         for name in given.frames:
             frame = design_of(name)
             for way in given.ways:
-                if not any((one["name"], one["way"], one["seed"]) == (name, way, seed) for one in bench.results):
-                    bench.run(name, frame, way, seed)
+                bench.once(name, frame, way, seed)
     print("\n".join(rows(bench.results)))
 
 

@@ -18,7 +18,15 @@ from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.aiming import aimed, expected_drift, remaining_movement
 from frametwin.printing.adaptation.anticipation import Anticipation
-from frametwin.printing.adaptation.material_file import PRINT_TO_PRINT, for_next_print, read_material, write_material
+from frametwin.printing.adaptation.material_file import (
+    ABOUT_USUAL,
+    PRINT_TO_PRINT,
+    for_next_print,
+    read_material,
+    read_usual,
+    usual_after,
+    write_material,
+)
 from frametwin.printing.adaptation.material_fit import GUESS, BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.printability import Fall, first_fall, outlook
@@ -307,12 +315,49 @@ def test_materials_come_back_from_their_files(tmp_path: Path) -> None:
     again = read_material(tmp_path / "material.json")
     np.testing.assert_allclose(np.array(again.mean)[[0, 3, 4, 5]], np.array(estimate.mean)[[0, 3, 4, 5]])
     assert again.prints == 2 and again.mean[1:3] == (0.0, 0.0)
-    assert for_next_print(again).deviation[0] == pytest.approx(np.hypot(0.11, PRINT_TO_PRINT))
+    assert for_next_print(read_usual(tmp_path / "material.json")).deviation[0] == pytest.approx(
+        np.hypot(0.11, PRINT_TO_PRINT)
+    )
     for name, wrong in (("weight", 3), ("rest", {"value": -1.0, "error": 0.1}), ("prints", 0), ("format", "x")):
         data = {**read_json(tmp_path / "material.json"), name: wrong}
         write_json(tmp_path / "wrong.json", data)
         with pytest.raises(InputError, match=name):
             read_material(tmp_path / "wrong.json")
+
+
+def test_what_is_usual_is_the_mean_of_prints_that_tell_all_of_themselves() -> None:
+    """As of numbers with a known spread: the mean, to within the spread over the root of their number."""
+    rng, places = np.random.default_rng(2), [0, 3, 4, 5]
+    own = rng.normal(size=(6, 5)) * 0.2
+    wide = MaterialEstimate(GUESS.mean, (30.0, 0.1, 0.1, 30.0, 30.0, 30.0))
+    before = wide
+    for count in range(1, 6):
+        found = known(*np.exp(own[[0, 3, 4, 5], count - 1]), error=1e-4)
+        usual = usual_after(before, replace(found, prints=count))
+        assert usual.prints == count
+        np.testing.assert_allclose(np.array(usual.mean)[places], own[places, :count].mean(axis=1), atol=1e-3)
+        np.testing.assert_allclose(np.array(usual.deviation)[places], ABOUT_USUAL / np.sqrt(count), rtol=1e-3)
+        before = for_next_print(usual)
+
+
+def test_a_print_that_tells_nothing_leaves_the_usual_as_it_was() -> None:
+    before = for_next_print(known(1.5, 700.0, 0.2, 0.3, error=0.1))
+    usual = usual_after(before, before)
+    np.testing.assert_allclose(usual.mean, before.mean)
+    np.testing.assert_allclose(np.array(usual.deviation)[[0, 3, 4, 5]], 0.1)
+
+
+def test_the_usual_comes_back_from_its_file(tmp_path: Path) -> None:
+    own, usual = known(1.5, 700.0, 0.2, 0.3, error=0.05), known(1.2, 600.0, 0.1, 0.2, error=0.15)
+    write_material(tmp_path / "material.json", replace(own, prints=3), usual=usual)
+    again = read_usual(tmp_path / "material.json")
+    np.testing.assert_allclose(np.array(again.mean)[[0, 3, 4, 5]], np.array(usual.mean)[[0, 3, 4, 5]])
+    assert again.prints == 3 and again.deviation[0] == 0.15
+    data = read_json(tmp_path / "material.json")
+    del data["rest"]["usual"]
+    write_json(tmp_path / "wrong.json", data)
+    with pytest.raises(InputError, match="rest"):
+        read_usual(tmp_path / "wrong.json")
 
 
 @pytest.fixture

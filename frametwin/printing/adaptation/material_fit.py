@@ -124,8 +124,8 @@ class MaterialFit:
         Where the joints are.
     covariance : array
         Of the values, the shift, and the coordinates of the points, in this order.
-    prints
-        How many earlier prints stand behind them.
+    known
+        What was known of the material before the print.
     skill : tuple of (along, foretold)
         Of the last batches: products of how far joints moved and how far the fitted model moves them, and squares of
         the latter, summed, square mm.
@@ -136,7 +136,7 @@ class MaterialFit:
     shift: np.ndarray
     points: np.ndarray
     covariance: np.ndarray
-    prints: int = 0
+    known: MaterialEstimate = GUESS
     skill: tuple[tuple[float, float], ...] = ()
 
     @classmethod
@@ -148,13 +148,15 @@ class MaterialFit:
         spread = [np.array(known.deviation), np.full(struts, STRUT_SPEED), np.full(2 * struts, STRUT_PULL)]
         points = np.array(model.design.vertices)
         spread += [np.full(3, SHIFTED), np.zeros(points.size)]
-        return cls(model, values, np.zeros(3), points, np.diag(np.concatenate(spread) ** 2), known.prints)
+        return cls(model, values, np.zeros(3), points, np.diag(np.concatenate(spread) ** 2), known)
 
     @property
     def estimate(self) -> MaterialEstimate:
-        """Of the material as a whole."""
+        """Of the material as a whole, in this print."""
         deviation = np.sqrt(np.diag(self.covariance)[: len(GLOBAL)])
-        return MaterialEstimate(tuple(self.values[: len(GLOBAL)].tolist()), tuple(deviation.tolist()), self.prints)
+        return MaterialEstimate(
+            tuple(self.values[: len(GLOBAL)].tolist()), tuple(deviation.tolist()), self.known.prints
+        )
 
     @property
     def parameters(self) -> CreepParameters:

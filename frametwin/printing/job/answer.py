@@ -28,7 +28,7 @@ from frametwin.printing.adaptation.batch_fit import BatchFit, cropped, fit_batch
 from frametwin.printing.adaptation.compensation import SagForecast, compensate
 from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.adaptation.material_file import NAME as MATERIAL
-from frametwin.printing.adaptation.material_file import write_material
+from frametwin.printing.adaptation.material_file import usual_after, write_material
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import guards
@@ -358,8 +358,8 @@ def _write(
     frame_json.write(stage / files.ADAPTED, going.adapted)
     if going.forecast is not None:
         fit = going.forecast.fit
-        learnt = dataclasses.replace(fit.estimate, prints=fit.prints + 1)
-        write_material(stage / MATERIAL, learnt, {"trust": fit.trust})
+        learnt = dataclasses.replace(fit.estimate, prints=fit.known.prints + 1)
+        write_material(stage / MATERIAL, learnt, {"trust": fit.trust}, usual=usual_after(fit.known, learnt))
     if going.sequence is not step.expected.sequence:
         write_sequence(stage / files.SEQUENCE, going.sequence)
 

@@ -13,7 +13,7 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.material_file import for_next_print, read_material
+from frametwin.printing.adaptation.material_file import for_next_print, read_usual
 from frametwin.printing.adaptation.material_fit import MaterialEstimate
 from frametwin.printing.adaptation.printability import Outlook, first_fall, outlook
 from frametwin.printing.job.creep_forecast import CreepForecast
@@ -188,7 +188,7 @@ def plan_job(
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
-    known = None if material is None else for_next_print(read_material(material))
+    known = None if material is None else for_next_print(read_usual(material))
     ordering = options.order(frame)
     settings = options.job(frame, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
     cut = order is None or options.batch_size is not None
