@@ -35,9 +35,13 @@ SHIFTED, WANDERING = 0.2, 0.03
 """The same of what all joints have in common, and of how that changes from twin to twin. Cameras that are 0.05 degrees
 and 0.3 mm off from where they were calibrated shift a small print as a whole by about 0.2 mm."""
 
-BELIEVED = 1.0
-"""Square mm of movement that count as foretold before any was seen: the first movements are no larger than what twins
-are off by, and say little for or against a forecast."""
+DOUBT = 0.15
+"""Share by which forecast movements are taken to be wrong as a whole (standard deviation), even where the material is
+known."""
+
+BELIEVED = (LAID**2 + SHIFTED**2) / DOUBT**2
+"""Square mm of movement that count as foretold rightly before any was seen: the first movements are no larger than what
+twins are off by, and say little for or against a forecast."""
 
 MODEL_ERROR = 0.05
 """Standard deviation of what the model misses, as a share of the movement."""
