@@ -36,8 +36,8 @@ def heights_to_try(frame: Wireframe, space: SearchSpace) -> list[np.ndarray]:
 def expected_sag(frame: Wireframe, sequence: PrintSequence) -> float:
     """Find how far the joint that sags most would sag until a print of the design is finished.
 
-    Every strut is taken to attach where the design has its joints, in a typical PLA: the size means something beside that
-    of another order alone.
+    Every strut is taken to attach where the design has its joints, in a typical PLA: the size means something
+    beside that of another order alone.
 
     Returns
     -------
