@@ -111,7 +111,7 @@ def _gram(matrix: sparse.csr_matrix) -> Floats:
 
 @lru_cache(maxsize=4)
 def _energy_over(box: tuple[float, ...], resolutions: tuple[Cells, ...], terms: tuple[Term, ...]) -> Floats:
-    """The energy's matrix (C, C) of a box, not to be written to: a twin that is followed asks for it again and again."""
+    """The energy's matrix (C, C) of a box, read-only: a twin that is followed asks for it again and again."""
     energy = _energy(LatticeField.zeros(np.reshape(box, (2, 3)), resolutions), terms)
     energy.flags.writeable = False
     return energy
