@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frametwin.fitting.bows import suspects
-from frametwin.fitting.fast_stages import without_missing
+from frametwin.fitting.fast_stages import whiteness_of, without_missing
 from frametwin.fitting.fast_state import Problem, State, drawn, terms_of
 from frametwin.fitting.halves import SAMPLES, Halves, cut, halved_frame, joined_curve, laid_along
-from frametwin.fitting.misplaced import loss_of, settled
+from frametwin.fitting.misplaced import BROKEN, loss_of, settled
 from frametwin.fitting.motion import Pose
 from frametwin.fitting.tangled import untangled
 from frametwin.fitting.torn_ends import Torn, scale_of, separated, without_ends
@@ -33,6 +33,9 @@ bows may be the fault of others."""
 
 CLEAR = 2.5
 """Pixels of the typical strut's radius, at least: in coarser pictures bows are found where there are none."""
+
+ROBBED = 3
+"""Struts that seem to be broken, at most, that are halved on trial for it."""
 
 SOFTER = 0.03
 """Stiffness of halves, by which they are held to where they were, relative to other struts'."""
@@ -84,7 +87,7 @@ def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) 
         found = _halved(whole, chosen)
         whole = whole.after(found)
         if len(found.halves.struts):
-            return _with_those_hidden_before(whole, found, chosen)
+            return _with_robbed(whole, _with_those_hidden_before(whole, found, chosen))
     return whole
 
 
@@ -96,6 +99,21 @@ def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -
         return found
     again = _halved(whole.after(found), np.union1d(halves.struts, more))
     return again if len(again.halves.struts) > len(halves.struts) and again.loss < found.loss else found.after(again)
+
+
+def _with_robbed(whole: Bent, found: Bent) -> Bent:
+    """Halve also struts that seem to be broken beside a halved one of the same joint, where that explains more.
+
+    One that bows along a straight one may have left its place to it: that one has then bent to where both are seen.
+    """
+    problem, halves, edges = found.problem, found.halves, whole.plan.frame.edges
+    white = whiteness_of(problem, found.state, problem.settings.refine[-1])[: len(edges)]
+    beside = np.isin(edges, edges[halves.struts]).any(axis=1)
+    robbed = np.setdiff1d(np.flatnonzero(beside & (white < BROKEN)), halves.struts)
+    if not len(robbed):
+        return found
+    again = _halved(whole.after(found), np.union1d(halves.struts, robbed[np.argsort(white[robbed])][:ROBBED]))
+    return again if len(again.halves.struts) and again.loss < found.loss else found.after(again)
 
 
 def _halved(whole: Bent, struts: np.ndarray) -> Bent:
