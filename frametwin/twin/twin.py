@@ -43,8 +43,8 @@ class Twin:
     confidence
         (E,) how well the views determine the strut, 0 or more.
     sigma_across, sigma_along
-        (E,) standard deviation of the strut's ``control_points`` across and along itself in mm; ``None`` where nothing
-        is known of it.
+        (E,) standard deviation of the strut's curve (see `curves`) across and along itself in mm; ``None`` where
+        nothing is known of it.
     joint_radius
         (V,) radius of the material at each joint in mm; ``None`` likewise.
     attached
