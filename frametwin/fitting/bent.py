@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frametwin.fitting.bows import suspects
+from frametwin.fitting.bows import SHORTEST, suspects
 from frametwin.fitting.fast_stages import whiteness_of, without_missing
 from frametwin.fitting.fast_state import Problem, State, drawn, terms_of
 from frametwin.fitting.halves import SAMPLES, Halves, cut, halved_frame, joined_curve, laid_along
@@ -88,7 +88,7 @@ def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) 
         whole = whole.after(found)
         if len(found.halves.struts):
             return _with_robbed(whole, _with_those_hidden_before(whole, found, chosen))
-    return whole
+    return _with_robbed(whole, whole)
 
 
 def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -> Bent:
@@ -102,14 +102,14 @@ def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -
 
 
 def _with_robbed(whole: Bent, found: Bent) -> Bent:
-    """Halve also struts that seem to be broken beside a halved one of the same joint, where that explains more.
+    """Halve also struts that seem to be broken, where that explains more.
 
     One that bows along a straight one may have left its place to it: that one has then bent to where both are seen.
     """
-    problem, halves, edges = found.problem, found.halves, whole.plan.frame.edges
-    white = whiteness_of(problem, found.state, problem.settings.refine[-1])[: len(edges)]
-    beside = np.isin(edges, edges[halves.struts]).any(axis=1)
-    robbed = np.setdiff1d(np.flatnonzero(beside & (white < BROKEN)), halves.struts)
+    problem, halves, frame = found.problem, found.halves, whole.plan.frame
+    white = whiteness_of(problem, found.state, problem.settings.refine[-1])[: frame.strut_count]
+    long = frame.chord_lengths > SHORTEST * found.state.pose.radius[: frame.strut_count]
+    robbed = np.setdiff1d(np.flatnonzero(long & (white < BROKEN)), halves.struts)
     if not len(robbed):
         return found
     again = _halved(whole.after(found), np.union1d(halves.struts, robbed[np.argsort(white[robbed])][:ROBBED]))
@@ -132,10 +132,14 @@ def _halved(whole: Bent, struts: np.ndarray) -> Bent:
 
 
 def _needed(problem: Problem, state: State, halves: Halves) -> tuple[np.ndarray, np.ndarray]:
-    """(H,) array of bool: halved struts that would be far off, and explain less, as cubics; and (H,) how much less."""
+    """(H,) array of bool: halved struts that would be far off, and explain less, as cubics; and (H,) how much less.
+
+    What is not there can be drawn anywhere, and is not needed.
+    """
     off, rise = _as_cubics(problem, state, halves)
     least = RISE * scale_of(problem, problem.settings.refine[-1])
-    return np.asarray((off > BENT * state.pose.radius[halves.struts]) & (rise > least)), rise
+    there = state.pose.opacity[halves.both].mean(axis=1).reshape(2, -1).min(axis=0) > BROKEN
+    return np.asarray((off > BENT * state.pose.radius[halves.struts]) & (rise > least) & there), rise
 
 
 def _tried(whole: Bent, halves: Halves) -> Bent:
