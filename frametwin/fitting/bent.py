@@ -102,14 +102,16 @@ def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -
 
 
 def _with_robbed(whole: Bent, found: Bent) -> Bent:
-    """Halve also struts that seem to be broken, where that explains more.
+    """Halve also struts that seem to be broken, where that explains more; those of which nothing is there are missing.
 
     One that bows along a straight one may have left its place to it: that one has then bent to where both are seen.
     """
     problem, halves, frame = found.problem, found.halves, whole.plan.frame
     white = whiteness_of(problem, found.state, problem.settings.refine[-1])[: frame.strut_count]
-    long = frame.chord_lengths > SHORTEST * found.state.pose.radius[: frame.strut_count]
-    robbed = np.setdiff1d(np.flatnonzero(long & (white < BROKEN)), halves.struts)
+    pose = found.state.pose
+    long = frame.chord_lengths > SHORTEST * pose.radius[: frame.strut_count]
+    partly = pose.opacity[: frame.strut_count].any(axis=1)
+    robbed = np.setdiff1d(np.flatnonzero(long & partly & (white < BROKEN)), halves.struts)
     if not len(robbed):
         return found
     again = _halved(whole.after(found), np.union1d(halves.struts, robbed[np.argsort(white[robbed])][:ROBBED]))
