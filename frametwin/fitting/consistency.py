@@ -15,13 +15,13 @@ from frametwin.fields.base import DeformationField
 from frametwin.fitting import gauge
 from frametwin.fitting.bent import with_bent_struts
 from frametwin.fitting.fast_settings import Stage
-from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, noticed, recover, refine, search
+from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, loss_of, noticed, recover, refine, search
 from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import WORTH, common_size
-from frametwin.fitting.misplaced import given_second_chance, loss_of
+from frametwin.fitting.misplaced import given_second_chance
 from frametwin.fitting.torn_ends import Torn, mended, rejoined
 from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
 

@@ -142,8 +142,17 @@ def transmittance(rods: Rods, level: Level) -> np.ndarray:
     found = _kept(level, "transmittance", drawing)
     if found is not None:
         return found
+    result = sharp_transmittance(rods, level)
+    level.defocus(result)
+    if result.size <= KEPT:
+        level.kept["transmittance"] = (drawing, result)
+    return result
+
+
+def sharp_transmittance(rods: Rods, level: Level) -> np.ndarray:
+    """The same before lenses that blur by more than a strut's edge have done so."""
     result = np.empty_like(level.target)
-    _, radius, opacity, joints, joint_radius = drawing
+    _, radius, opacity, joints, joint_radius = _drawing(rods)
     rod_kernels.render(
         rods.points(),
         radius,
@@ -156,9 +165,9 @@ def transmittance(rods: Rods, level: Level) -> np.ndarray:
         level.drawn_spreads,
         result,
     )
-    level.defocus(result)
-    if result.size <= KEPT:
-        level.kept["transmittance"] = (drawing, result)
+    if level.behind is not None:
+        np.multiply(result, level.behind, out=result)
+        np.maximum(result, np.float32(rod_kernels.DARK), out=result)
     return result
 
 
