@@ -57,20 +57,46 @@ class Window:
             offsets=np.concatenate([[0], np.cumsum(shapes.prod(axis=1))[:-1]]),
             target=np.concatenate([picture.ravel() for picture in pictures]),
         )
-        part = replace(part, behind=sharp_transmittance(self.rest, part))
+        part = replace(part, behind=sharp_transmittance(self._rest_in(part), part))
         self._made.append((level, part))
         return part
 
+    def _rest_in(self, part: Level) -> Rods:
+        """Of the rest the struts that may be seen in some picture of the part."""
+        rest = self.rest
+        most = part.shapes[:, None, ::-1]
+        thickest = max(float(rest.radius.max(initial=0.0)), float(rest.joint_radius().max(initial=0.0)))
+        low, high = _hulls(part, rest.control_points, thickest)
+        seen = ((high > 0.0) & (low < most)).all(axis=2).any(axis=0)
+        return replace(
+            rest,
+            control_points=rest.control_points[seen],
+            edges=rest.edges[seen],
+            radius=rest.radius[seen],
+            opacity=rest.opacity[seen],
+        )
+
     def _boxes(self, level: Level) -> np.ndarray:
         """(N, 4) first column and row, and those after the last, of each picture."""
-        cameras, (height, width) = level.cameras, level.shapes.T
-        seen = np.einsum("vab,nb->vna", cameras[:, :9].reshape(-1, 3, 3), self.points) + cameras[:, None, 9:12]
-        depth = np.maximum(seen[..., 2:], 1e-6)
-        at = cameras[:, None, 12:14] * seen[..., :2] / depth + cameras[:, None, 14:16]
-        more = self.margin * cameras[:, 12:14].max(axis=1) / depth.min(axis=(1, 2)) + BLURS * level.spreads
-        low, high = at.min(axis=1) - more[:, None], at.max(axis=1) + more[:, None]
-        most = np.stack([width, height], axis=1)
+        low, high = (edge[:, 0] for edge in _hulls(level, self.points[None], self.margin))
+        most = level.shapes[:, ::-1]
         first = np.clip(np.floor(low), 0, most - 1)
         last = np.clip(np.ceil(high), first + 1, most)
-        behind = (seen[..., 2] < 1e-6).any(axis=1)[:, None]  # of a camera: one sees them anywhere
-        return np.concatenate([np.where(behind, 0, first), np.where(behind, most, last)], axis=1).astype(np.int64)
+        return np.concatenate([first, last], axis=1).astype(np.int64)
+
+
+def _hulls(level: Level, points: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    """(N, M, 2) lowest and highest column and row of groups of points (M, K, 3), margin (mm) and blur beyond them.
+
+    What is behind a camera is anywhere.
+    """
+    cameras = level.cameras
+    rotations, shifts = cameras[:, :9].reshape(-1, 3, 3), cameras[:, 9:12]
+    seen = np.matmul(points, rotations[:, None].transpose(0, 1, 3, 2)) + shifts[:, None, None]  # (N, M, K, 3)
+    depth = seen[..., 2]
+    at = cameras[:, None, None, 12:14] * seen[..., :2] / np.maximum(depth, 1e-6)[..., None]
+    at += cameras[:, None, None, 14:16]
+    more = margin * cameras[:, 12:14].max(axis=1)[:, None] / np.maximum(depth.min(axis=2), 1e-6)
+    more += BLURS * level.spreads[:, None]
+    more = np.where(depth.min(axis=2) < 1e-6, np.inf, more)[..., None]
+    return at.min(axis=2) - more, at.max(axis=2) + more

@@ -495,6 +495,7 @@ def gather_struts(
     spreads,
     transmittance,
     residual,
+    order,
     basis,
     hessian,
     gradient,
@@ -509,10 +510,14 @@ def gather_struts(
     and widths (E, P, 2), curvature and slope by each piece's radius, are overwritten. S is 1 for the sum over all
     views, or their number for each by itself. Pixels that several struts cover couple them only through the
     transmittance; the small cross terms are left out.
+
+    Struts are gone through in ``order`` (E,): where those that follow each other are near each other, the pixels that
+    they cover are still at hand.
     """
     single = hessian.shape[1] == 1
     pieces = points.shape[1] - 1
-    for k in nb.prange(points.shape[0]):
+    for n in nb.prange(points.shape[0]):
+        k = order[n]
         line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
         sums = np.empty(7)
         index, place = np.empty(CHUNK, dtype=np.int32), np.empty((2, CHUNK), dtype=np.float32)
@@ -665,16 +670,40 @@ def gather_joints(
                     )
 
 
+@nb.njit(cache=True, fastmath=True, error_model="numpy")
+def _add_evidence(count, index, across, transmittance, residual, radius, alpha, spread, sums):
+    """Add to the sums of `gather_opacity` what ``count`` pixels say: index (CHUNK,) where they are in the pictures, and
+    across (CHUNK,) how far off the centreline, in pixels."""
+    r, opacity, inverse, one, core = F(radius), F(alpha), F(1.0 / spread), F(1.0), F(REACH)
+    weight, slope = 0.0, F(0.0)
+    for i in range(count):
+        u = abs(across[i])
+        inside, _ = _normal32(min((r - u) * inverse, core))
+        beyond, _ = _normal32((-r - u) * inverse)
+        c = inside - beyond
+        others = min(transmittance[index[i]] / (one - min(opacity * c, F(OPAQUE))), one)
+        seen = float(c * others if others >= F(HIDDEN) else F(0.0))
+        weight += seen * seen
+        slope += residual[index[i]] * F(seen)
+    sums[0] += weight
+    sums[1] += slope
+
+
 @nb.njit(parallel=True, cache=True, fastmath=True)
-def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spreads, transmittance, residual, evidence):
+def gather_opacity(
+    points, radius, opacity, cameras, shapes, offsets, spreads, transmittance, residual, order, evidence
+):
     """What the pictures say of each piece's presence.
 
     evidence (E, P, 2), out: the squared weight W = sum (T_others c)^2 and the slope sum residual T_others c, so
     that opacity - slope / W is the least-squares opacity and W, in pixels, how much of the piece is in plain view.
+    Struts are gone through in ``order`` (E,), as by `gather_struts`.
     """
     pieces = points.shape[1] - 1
-    for k in nb.prange(points.shape[0]):
+    for n in nb.prange(points.shape[0]):
+        k = order[n]
         line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
+        index, across, sums = np.empty(CHUNK, dtype=np.int32), np.empty(CHUNK, dtype=np.float32), np.empty(2)
         for p in range(pieces):
             evidence[k, p, 0] = 0.0
             evidence[k, p, 1] = 0.0
@@ -695,18 +724,21 @@ def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spreads, t
                 reach = r + REACH * spread
                 _edges(a, b, cuts[p], cuts[p + 1], tx, ty, length, r, reach, edges)
                 top, bottom = _rows(a, b, cuts[p], cuts[p + 1], tx, ty, r, reach, height)
-                weight, slope = 0.0, 0.0
+                sums[0], sums[1], count = 0.0, 0.0, 0
                 for j in range(top, bottom + 1):
-                    y = j + 0.5 - a[1]
                     left, right = _columns(j, edges, width)
-                    at = start + j * width
-                    for i in range(left, right + 1):
-                        c = _coverage(abs(-ty * (i + 0.5 - a[0]) + tx * y), r, spread)
-                        through = transmittance[at + i]
-                        others = min(through / (1.0 - min(opacity[k, p] * c, OPAQUE)), 1.0)
-                        if others < HIDDEN:
-                            continue
-                        weight += (others * c) ** 2
-                        slope += residual[at + i] * others * c
-                evidence[k, p, 0] += weight
-                evidence[k, p, 1] += slope
+                    at, u = start + j * width, tx * (j + 0.5 - a[1]) - ty * (0.5 - a[0])
+                    while left <= right:
+                        last = min(right + 1, left + CHUNK - count)
+                        first = count - left
+                        for i in range(left, last):
+                            index[first + i] = at + i
+                            across[first + i] = u - ty * i
+                        count += last - left
+                        left = last
+                        if count == CHUNK:
+                            _add_evidence(count, index, across, transmittance, residual, r, opacity[k, p], spread, sums)
+                            count = 0
+                _add_evidence(count, index, across, transmittance, residual, r, opacity[k, p], spread, sums)
+                evidence[k, p, 0] += sums[0]
+                evidence[k, p, 1] += sums[1]
