@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -116,10 +117,15 @@ def until_settled(
     """A stage again and again, until it lowers the loss no more; anchored anew each time if wanted."""
     for _ in range(LETTING_GO):
         state = free_stage(problem, state.anchored() if anchoring else state, stage)
-        if state.last_terms.loss > (1.0 - SETTLED) * before:
+        if state.last_terms.loss > (1.0 - SETTLED) * before or _slow(state.record.loss, stage.iterations):
             break
         before = state.last_terms.loss
     return state
+
+
+def _slow(loss: Sequence[float], steps: int) -> bool:
+    """Whether a round of so many steps like the last one would not lower the loss by half of what is asked."""
+    return steps > 1 and 2 * steps * (loss[-2] - loss[-1]) < SETTLED * loss[-1]
 
 
 def loosened(stage: Stage) -> Stage:
