@@ -39,6 +39,9 @@ hundredth of a degree is at 0.14 and more."""
 ROUNDS = 3
 """Times that views are left out, at most."""
 
+LARGER = 1.2
+"""How many times larger pictures have to be for a whole stage, if it is not the last."""
+
 TRIALS = 2
 """Times that the last free stage is gone through before joints with material of their own are judged among stubs."""
 
@@ -173,7 +176,7 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves
     state, halves = noticed(problem, state), Halves.none(plan.frame)
     *sharp, sharpest = problem.settings.finish
     for stage in sharp:
-        state = _sharpened(problem, state, stage)
+        state = _sharpened(problem, state, _shortened(problem, stage))
         problem, state, torn = rejoined(plan, problem, state, torn, stage)
     if sharp:
         plan, problem, state, torn, halves = with_bent_struts(plan, problem, state, torn)
@@ -181,6 +184,14 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves
             state = _sharpened(problem, state, sharp[-1])
     state = finish(problem, state, sharpest) if sharp else _sharpened(problem, state, sharpest)
     return problem, state.lapped("finish"), torn, halves
+
+
+def _shortened(problem: Problem, stage: Stage) -> Stage:
+    """The stage in one step where its pictures are hardly larger than those before: another one follows."""
+    larger = problem.levels.pixels_per_mm(stage.detail) / problem.levels.pixels_per_mm(
+        problem.settings.refine[-1].detail
+    )
+    return stage if larger > LARGER else replace(stage, iterations=1)
 
 
 def _sharpened(problem: Problem, state: State, stage: Stage) -> State:

@@ -293,15 +293,13 @@ def _ends_apart(
     asks &= np.abs(length - planned) < np.maximum(STRETCH * planned, radius)
     if not asks.any():  # what the pictures say takes longer
         return np.asarray(asks)
+    level = level_of(problem, state, stage)
+    off = presence.outline_misfit(rods, level)
+    asks &= presence.strut_whiteness(rods, level)[strut] > WHITE
+    asks &= off[strut] < max(BESIDE, APART * float(np.median(off)))
+    if not asks.any():
+        return np.asarray(asks)
     pairs = np.stack([places, joints], axis=1)
     loose = covariance_between(problem.elastic, terms_of(problem, state, stage), stage.pull, pairs)
     rise = 0.5 * np.einsum("ti,ti->t", gap, np.linalg.solve(loose, gap[:, :, None])[:, :, 0])
-    level = level_of(problem, state, stage)
-    white = presence.strut_whiteness(rods, level)[strut]
-    off = presence.outline_misfit(rods, level)
-    return np.asarray(
-        asks
-        & (rise > least[1] * scale_of(problem, stage))
-        & (white > WHITE)
-        & (off[strut] < max(BESIDE, APART * float(np.median(off))))
-    )
+    return np.asarray(asks & (rise > least[1] * scale_of(problem, stage)))
