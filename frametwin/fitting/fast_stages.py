@@ -114,10 +114,15 @@ def _let_go(problem: Problem, state: State) -> State:
 def until_settled(
     problem: Problem, state: State, stage: Stage, before: float = np.inf, anchoring: bool = False
 ) -> State:
-    """A stage again and again, until it lowers the loss no more; anchored anew each time if wanted."""
+    """A stage again and again, until it lowers the loss no more; anchored anew each time if wanted.
+
+    The last one is gone through twice at least: by it what is there of each strut is judged.
+    """
+    soon = stage.detail < problem.settings.finish[-1].detail
     for _ in range(LETTING_GO):
         state = free_stage(problem, state.anchored() if anchoring else state, stage)
-        if state.last_terms.loss > (1.0 - SETTLED) * before or _slow(state.record.loss, stage.iterations):
+        settled = state.last_terms.loss > (1.0 - SETTLED) * before
+        if settled or (soon and _slow(state.record.loss, stage.iterations)):
             break
         before = state.last_terms.loss
     return state
