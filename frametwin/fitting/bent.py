@@ -108,7 +108,8 @@ def _halved(whole: Bent, struts: np.ndarray) -> Bent:
         kept, rise = _needed(found.problem, found.state, found.halves)
         if kept.all():
             least = found.loss + WINS * rise.sum()
-            if least < whole.loss or least < _settled_loss(whole, struts):
+            loose = np.isin(whole.torn.ends[:, 0], struts).any()  # which are told apart from bent ones by little
+            if (not loose and least < whole.loss) or least < _settled_loss(whole, struts):
                 return found._replace(state=untangled(found.problem, found.state, found.halves))
             break
         struts = struts[kept]
@@ -116,6 +117,7 @@ def _halved(whole: Bent, struts: np.ndarray) -> Bent:
 
 
 def _settled_loss(whole: Bent, struts: np.ndarray) -> float:
+    """The loss with the struts whole, after the steps that halved ones get."""
     near = Nearby.of(whole.problem, whole.state, struts)
     return loss_of(whole.problem, near.after(whole.state, settled))
 
