@@ -14,11 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from frametwin.fitting.bows import SHORTEST, suspects
-from frametwin.fitting.fast_stages import whiteness_of, without_missing
+from frametwin.fitting.fast_stages import loss_of, whiteness_of, without_missing
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of, terms_of
 from frametwin.fitting.halves import SAMPLES, Halves, cut, halved_frame, joined_curve, laid_along
-from frametwin.fitting.misplaced import BROKEN, loss_of, settled
+from frametwin.fitting.misplaced import BROKEN, settled
 from frametwin.fitting.motion import Pose
+from frametwin.fitting.nearby import Nearby
 from frametwin.fitting.presence import outline_misfit
 from frametwin.fitting.tangled import untangled
 from frametwin.fitting.torn_ends import Torn, scale_of, separated, without_ends
@@ -98,6 +99,7 @@ def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) 
 
 def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -> Bent:
     """Halve also struts that ask for it only once others are halved."""
+    found = found._replace(state=settled(found.problem, found.state))  # others had been drawn for them
     more = np.setdiff1d(suspects(found.problem, found.state), np.concatenate([looked_at, found.halves.second]))
     return _with(whole, found, more)
 
@@ -153,11 +155,18 @@ def _halved(whole: Bent, struts: np.ndarray) -> Bent:
         kept, rise = _needed(found.problem, found.state, found.halves)
         if kept.all():
             least = found.loss + WINS * rise.sum()
-            if least < whole.loss or least < loss_of(whole.problem, settled(whole.problem, whole.state)):
+            loose = np.isin(whole.torn.ends[:, 0], struts).any()  # which are told apart from bent ones by little
+            if (not loose and least < whole.loss) or least < _settled_loss(whole, struts):
                 return found._replace(state=untangled(found.problem, found.state, found.halves))
             break
         struts = struts[kept]
     return whole
+
+
+def _settled_loss(whole: Bent, struts: np.ndarray) -> float:
+    """The loss with the struts whole, after the steps that halved ones get."""
+    near = Nearby.of(whole.problem, whole.state, struts)
+    return loss_of(whole.problem, near.after(whole.state, settled))
 
 
 def _needed(problem: Problem, state: State, halves: Halves) -> tuple[np.ndarray, np.ndarray]:
@@ -178,7 +187,8 @@ def _tried(whole: Bent, halves: Halves) -> Bent:
     joined, fewer = without_ends(state, torn.planned, still), torn.only(still)
     new_torn = Torn(fewer.ends, fewer.joints, frame.vertex_count)
     new = separated(new_plan, new_torn)
-    tried = settled(new, _in_halves(separated(plan, fewer), new, joined, halves))
+    start = _in_halves(separated(plan, fewer), new, joined, halves)
+    tried = Nearby.of(new, start, halves.both).after(start, settled)
     if problem.settings.learn_opacity and (state.pose.opacity[halves.struts] < 1.0).any():
         tried = without_missing(new, tried)
     return Bent(new_plan, new, tried, new_torn, halves)

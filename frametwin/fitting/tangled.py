@@ -10,9 +10,11 @@ from itertools import combinations
 
 import numpy as np
 
+from frametwin.fitting.fast_stages import loss_of
 from frametwin.fitting.fast_state import Problem, State, drawn
 from frametwin.fitting.halves import Halves, laid_along
-from frametwin.fitting.misplaced import loss_of, settled
+from frametwin.fitting.misplaced import settled
+from frametwin.fitting.nearby import Nearby
 from frametwin.geometry import bezier
 
 NEAR, PAIRS = 8.0, 6
@@ -24,16 +26,18 @@ def untangled(problem: Problem, state: State, halves: Halves) -> State:
     pairs = _near_pairs(problem, state, halves)
     if not pairs:
         return state
-    state = settled(problem, state)  # as all that is tried will be
-    least = loss_of(problem, state)
     for pair in pairs:
+        both = list(pair)
+        near = Nearby.of(problem, state, np.concatenate([halves.struts[both], halves.second[both]]))
+        state = near.after(state, settled)  # as all that is tried will be
+        least = loss_of(problem, state)
         (one, other), (straight, straight_too), start = *_places(problem, state, halves, pair), state
         starts = [
             _with_middles_at(problem, start, halves, pair, np.stack(places))
             for places in ((other, one), (straight, straight_too), (straight, one), (other, straight_too))
         ]
         for begun in (*starts, _with_ends_exchanged(problem, start, halves, pair)):
-            tried = settled(problem, begun)
+            tried = near.after(begun, settled)
             state = replace(state, record=tried.record)
             if (loss := loss_of(problem, tried)) < least:
                 state, least = tried, loss
