@@ -21,7 +21,7 @@ from frametwin.fitting.misplaced import BROKEN, settled
 from frametwin.fitting.motion import Pose
 from frametwin.fitting.nearby import Nearby
 from frametwin.fitting.presence import outline_misfit
-from frametwin.fitting.tangled import untangled
+from frametwin.fitting.tangled import AROUND_BENT, untangled
 from frametwin.fitting.torn_ends import Torn, scale_of, separated, without_ends
 from frametwin.geometry import bezier
 
@@ -165,7 +165,7 @@ def _halved(whole: Bent, struts: np.ndarray) -> Bent:
 
 def _settled_loss(whole: Bent, struts: np.ndarray) -> float:
     """The loss with the struts whole, after the steps that halved ones get."""
-    near = Nearby.of(whole.problem, whole.state, struts)
+    near = Nearby.of(whole.problem, whole.state, struts, AROUND_BENT)
     return loss_of(whole.problem, near.after(whole.state, settled))
 
 
@@ -188,7 +188,7 @@ def _tried(whole: Bent, halves: Halves) -> Bent:
     new_torn = Torn(fewer.ends, fewer.joints, frame.vertex_count)
     new = separated(new_plan, new_torn)
     start = _in_halves(separated(plan, fewer), new, joined, halves)
-    tried = Nearby.of(new, start, halves.both).after(start, settled)
+    tried = Nearby.of(new, start, halves.both, AROUND_BENT).after(start, settled)
     if problem.settings.learn_opacity and (state.pose.opacity[halves.struts] < 1.0).any():
         tried = without_missing(new, tried)
     return Bent(new_plan, new, tried, new_torn, halves)

@@ -50,9 +50,9 @@ class Nearby:
     joints: np.ndarray
 
     @classmethod
-    def of(cls, problem: Problem, state: State, struts: np.ndarray) -> Nearby:
+    def of(cls, problem: Problem, state: State, struts: np.ndarray, rings: int = RINGS) -> Nearby:
         """Struts (N,) of a problem, and those around them; windows are cut about where the state has them."""
-        chosen = _around(problem.frame.edges, struts)
+        chosen = _around(problem.frame.edges, struts, rings)
         if problem.window is not None or chosen.sum() > MOST * len(chosen):
             return cls(problem, problem, np.arange(len(chosen)), np.arange(problem.frame.vertex_count))
         seen = drawn(problem, state, PIECES)
@@ -133,11 +133,11 @@ def _fields(pose: Pose) -> tuple[np.ndarray, ...]:
     return pose.joints, pose.inner, pose.radius, pose.opacity
 
 
-def _around(edges: np.ndarray, struts: np.ndarray) -> np.ndarray:
+def _around(edges: np.ndarray, struts: np.ndarray, rings: int) -> np.ndarray:
     """(E,) array of bool: struts (N,), and all that so many joints part from them."""
     chosen = np.zeros(len(edges), dtype=bool)
     chosen[struts] = True
-    for _ in range(RINGS):
+    for _ in range(rings):
         touched = np.zeros(int(edges.max()) + 1, dtype=bool)
         touched[edges[chosen]] = True
         chosen = touched[edges].any(axis=1)

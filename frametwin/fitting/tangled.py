@@ -17,6 +17,10 @@ from frametwin.fitting.misplaced import settled
 from frametwin.fitting.nearby import Nearby
 from frametwin.geometry import bezier
 
+AROUND_BENT = 3
+"""Rings of struts around bent ones that may move along while these are tried (see `Nearby`): joints that have left
+their place have taken others with them."""
+
 NEAR, PAIRS = 8.0, 6
 """Radii between the middles of two struts of one joint that may have changed places, and how many are tried."""
 
@@ -28,7 +32,7 @@ def untangled(problem: Problem, state: State, halves: Halves) -> State:
         return state
     for pair in pairs:
         both = list(pair)
-        near = Nearby.of(problem, state, np.concatenate([halves.struts[both], halves.second[both]]))
+        near = Nearby.of(problem, state, np.concatenate([halves.struts[both], halves.second[both]]), AROUND_BENT)
         state = near.after(state, settled)  # as all that is tried will be
         least = loss_of(problem, state)
         (one, other), (straight, straight_too), start = *_places(problem, state, halves, pair), state
