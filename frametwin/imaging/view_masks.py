@@ -111,6 +111,7 @@ def refine_view_masks(
     twin: Wireframe,
     cameras: Sequence[Camera] | None = None,
     margin: float = MARGIN,
+    curves: np.ndarray | None = None,
 ) -> list[ViewMask]:
     """The masks of photographs once more, about a twin that is right to within a margin in mm.
 
@@ -127,10 +128,12 @@ def refine_view_masks(
         Of all views, without distortion, where they were found to be; by default where the capture has them.
     margin
         By how many mm the twin may be off.
+    curves
+        (E, n + 1, 3) mm, of its struts, where they are of a higher degree; those of ``twin`` by default.
     """
     chosen = [i for i, mask in enumerate(masks) if mask.photo is not None and mask.used]
     known = cameras or [view.camera.without_distortion() for view in capture.views]
-    drawn = silhouettes(twin, [known[i] for i in chosen], supersampling=3) if chosen else []
+    drawn = silhouettes(twin, [known[i] for i in chosen], supersampling=3, curves=curves) if chosen else []
     refined = list(masks)
     with ThreadPoolExecutor(_WORKERS) as pool:
         waiting = [
