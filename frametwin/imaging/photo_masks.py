@@ -107,8 +107,13 @@ def rough_mask(photo: Photograph) -> np.ndarray:
     return found
 
 
-def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN) -> ViewMask:
-    """The mask of the same photograph, looked for about a twin's silhouette (H, W) in 0..1; ``margin`` in mm."""
+def refined_mask(
+    mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN, normals: np.ndarray | None = None
+) -> ViewMask:
+    """The mask of the same photograph, looked for about a twin's silhouette (H, W) in 0..1; ``margin`` in mm.
+
+    ``normals`` (H, W, 3) of its surface, carried on beyond its outlines, tell its dark sides.
+    """
     if mask.photo is None or not mask.used:
         return mask
     photo = mask.photo
@@ -119,10 +124,10 @@ def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN)
     elif blur > 0.0 and mask.blur == 0.0:  # what was seen out of focus is too far off to look about it
         return replace(photo_mask(refocused(photo, blur, GENTLE)), valid=mask.valid, photo=photo, blur=blur)
     elif blur > 0.0:
-        about = coverage_about(refocused(photo, blur), silhouette, pixels)
+        about = coverage_about(refocused(photo, blur), silhouette, pixels, normals=normals)
         about = replace(about, share=blurred(about.share, EVENED))
     else:
-        about = coverage_about(photo, silhouette, pixels)
+        about = coverage_about(photo, silhouette, pixels, normals=normals)
     coverage, certain = about.share, about.certain
     if mask.valid is not None:
         known = mask.valid > 0.0

@@ -21,6 +21,7 @@ from frametwin.imaging.neighbourhood import Neighbourhood
 from frametwin.imaging.photo_masks import MARGIN, ViewMask, nothing_to_see, photo_mask, refined_mask
 from frametwin.imaging.photograph import photograph, without
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.raster.normals import surface_normals
 from frametwin.raster.silhouette import silhouettes
 
 Method = Literal["auto", "paper"]
@@ -28,6 +29,9 @@ METHODS: tuple[Method, ...] = ("auto", "paper")
 
 LEAST_VIEWS = 6
 """Views that must be left; of a capture with fewer, all."""
+
+LEAST_REACH, REACH = 4.0, 1.5
+"""How far beyond a twin's outlines its surface is carried on: at least in pixels, and in margins."""
 
 _WORKERS = 2
 
@@ -134,12 +138,18 @@ def refine_view_masks(
     refined = list(masks)
     with ThreadPoolExecutor(_WORKERS) as pool:
         waiting = [
-            pool.submit(refined_mask, masks[i], silhouette.astype(np.float32) / 255.0, margin)
+            pool.submit(_refined, masks[i], twin, known[i], silhouette.astype(np.float32) / 255.0, margin)
             for i, silhouette in zip(chosen, drawn, strict=True)
         ]
         for i, job in zip(chosen, waiting, strict=True):
             refined[i] = job.result()
     return refined
+
+
+def _refined(mask: ViewMask, twin: Wireframe, camera: Camera, silhouette: np.ndarray, margin: float) -> ViewMask:
+    scale = 0.0 if mask.photo is None else mask.photo.neighbourhood.pixels_per_mm
+    normals = surface_normals(twin, camera, max(LEAST_REACH, REACH * margin * scale))
+    return refined_mask(mask, silhouette, margin, normals)
 
 
 def _read(frame: Wireframe, view: View, hidden: np.ndarray | None, method: Method) -> ViewMask:
