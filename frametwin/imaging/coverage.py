@@ -34,6 +34,10 @@ SOFTER = 1.12
 RIM = 1.1
 """How far the shading from the middle of a strut to its side goes on to the rim."""
 
+NARROW = 6.2
+"""Half width of a typical strut in pixels, see `half_width`, below which its own shading tells too little of its rim,
+and that of all struts of the view is asked. From eight pixels on, a strut's own is the better guide."""
+
 FINE_SIGMAS, WIDE_SIGMAS = (0.9, 2.0, 6.0), (2.5, 6.0, 12.0)
 BACKGROUND_SIGMAS = (2.0, 5.0, 15.0, 50.0)
 
@@ -93,8 +97,8 @@ def coverage_about(
     blur
         Of the photograph in pixels, if it has so much that no pixel need be wholly print.
     normals : (H, W, 3) float32, optional
-        Of the twin's surface, 0 where there is none, by which the light of its sides is told. By default shading is
-        carried on from the middle of a strut to its sides.
+        Of the twin's surface, 0 where there is none, by which the light of the sides of narrow struts is told. By
+        default shading is carried on from the middle of each strut to its sides.
     """
     outer = _outside(silhouette) > margin + 2.0 * blur
     behind = _behind(photo, outer)
@@ -169,11 +173,10 @@ def _in_focus(
     differs = _difference(photo, behind) > _SEEN
     seeds = (differs & (depth > 1.5)) + 0.01 * (differs & (depth > 0.0))
     inner = np.zeros(silhouette.shape, dtype=np.uint8)
+    faces = normals if half_width(silhouette) < NARROW else None
     for _ in range(_ROUNDS):
         known = seeds.astype(np.float32)
-        front = (
-            _print_light(photo, known) if normals is None else shaded_light(photo.light, normals, known, FINE_SIGMAS)
-        )
+        front = _print_light(photo, known) if faces is None else _shaded_light(photo, faces, known)
         share = _unmixed(photo, front, behind)
         share[inner > 0] = 1.0
         share[depth > margin] = 1.0
@@ -202,6 +205,11 @@ def _print_light(photo: Photograph, seeds: np.ndarray) -> np.ndarray:
     """Light of the print (H, W, 3), its shading carried on to the rim of each strut."""
     fine, wide = spread(photo.light, seeds, FINE_SIGMAS), spread(photo.light, seeds, WIDE_SIGMAS)
     return np.asarray(np.clip(fine + RIM * (fine - wide), 0.4 * fine, 1.8 * fine))
+
+
+def _shaded_light(photo: Photograph, normals: np.ndarray, seeds: np.ndarray) -> np.ndarray:
+    """The same, its shading told by where its surface faces (H, W, 3)."""
+    return shaded_light(photo.light, normals, seeds, (FINE_SIGMAS, WIDE_SIGMAS))
 
 
 def _unmixed(photo: Photograph, front: np.ndarray, behind: np.ndarray, sum_spread: float = SUM_SPREAD) -> np.ndarray:

@@ -4,7 +4,7 @@ Matt surfaces show the light that comes from all around; as a function of their 
 spherical harmonics hold it to within a few per cent (Ramamoorthi and Hanrahan, An Efficient Representation for
 Irradiance Environment Maps, 2001). They are fitted to the pixels that are surely print. The rim of one strut that is
 turned away from the light is then known from others of which that side faces the camera, and a dark side is no longer
-taken for background. What the model does not have, such as shadows, is a factor that is even nearby.
+taken for background. What the model lacks, such as shadows, is a factor that is smooth nearby.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ DARKEST = 0.05
 
 FACTORS = (0.1, 5.0)
 """Least and greatest factor of light, by which shadows and sheen change what the model says."""
+
+RIM = 0.5
+"""How far the change of that factor from the middle of a strut to its side goes on to the rim."""
 
 _SURE = 0.5  # weight of pixels from which the model is told
 _MOST_PIXELS = 20_000
@@ -50,7 +53,9 @@ def shading(light: np.ndarray, terms: np.ndarray, weight: np.ndarray) -> np.ndar
     return coefficients
 
 
-def shaded_light(light: np.ndarray, normals: np.ndarray, seeds: np.ndarray, sigmas: Sequence[float]) -> np.ndarray:
+def shaded_light(
+    light: np.ndarray, normals: np.ndarray, seeds: np.ndarray, sigmas: tuple[Sequence[float], Sequence[float]]
+) -> np.ndarray:
     """Light of the print (H, W, 3), known at some pixels, carried on to where its surface faces elsewhere.
 
     Parameters
@@ -60,9 +65,10 @@ def shaded_light(light: np.ndarray, normals: np.ndarray, seeds: np.ndarray, sigm
     seeds : (H, W) float32
         Weight of each pixel that is print.
     sigmas
-        Windows in pixels over which shadows are taken to be even; see `frametwin.imaging.light.spread`.
+        Fine and wide windows in pixels, see `frametwin.imaging.light.spread`, over which the factor of light is told
+        that the model lacks. How it changes from wide to fine is carried on.
     """
-    usual = spread(light, seeds, sigmas)
+    usual, around = (spread(light, seeds, windows) for windows in sigmas)
     faced = (normals != 0.0).any(axis=-1)
     rows, columns = np.nonzero(faced & (seeds > _SURE))
     if len(rows) < FEWEST:
@@ -74,5 +80,9 @@ def shaded_light(light: np.ndarray, normals: np.ndarray, seeds: np.ndarray, sigm
     least = np.maximum(DARKEST * np.median(known, axis=0), 1e-4)
     model = np.ones_like(light) * known.mean(axis=0)
     model[faced] = np.maximum(harmonics(normals[faced]) @ coefficients, least)
-    factor = usual / np.maximum(spread(model, seeds, sigmas), 1e-6)
+    factor, wide = (
+        seen / np.maximum(spread(model, seeds, windows), 1e-6)
+        for seen, windows in zip((usual, around), sigmas, strict=True)
+    )
+    factor = np.clip(factor + RIM * (factor - wide), 0.4 * factor, 1.8 * factor)
     return np.asarray(np.where(faced[..., None], np.clip(factor, *FACTORS) * model, usual), dtype=np.float32)

@@ -146,6 +146,22 @@ def refine_view_masks(
     return refined
 
 
+def settled_view_masks(
+    capture: Capture, masks: Sequence[ViewMask], twin: Wireframe, cameras: Sequence[Camera] | None = None
+) -> list[ViewMask]:
+    """The masks of photographs about a twin as a fit sees them last; see `refine_view_masks`.
+
+    The first look about a twin only tells how far out of focus a photograph is, and finds its print once more without
+    the twin. The second looks about it.
+    """
+    seen = refine_view_masks(capture, masks, twin, cameras)
+    told = [after.blur > 0.0 and before.blur == 0.0 for before, after in zip(masks, seen, strict=True)]
+    if not any(told):
+        return seen
+    again = refine_view_masks(capture, seen, twin, cameras)
+    return [new if just else old for new, old, just in zip(again, seen, told, strict=True)]
+
+
 def _refined(mask: ViewMask, twin: Wireframe, camera: Camera, silhouette: np.ndarray, margin: float) -> ViewMask:
     scale = 0.0 if mask.photo is None else mask.photo.neighbourhood.pixels_per_mm
     normals = surface_normals(twin, camera, max(LEAST_REACH, REACH * margin * scale))
