@@ -11,6 +11,7 @@ import argparse
 import json
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ from frametwin.geometry.parametric import half_bowl
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.silhouette import silhouettes
 from frametwin.tracking.events import Event
+from frametwin.tracking.pictures import WORKERS
 from frametwin.tracking.tracker import Tracker
 from frametwin.wording import parsed_size
 
@@ -66,6 +68,11 @@ def encoded(frame: Wireframe, cameras: Sequence[Camera], arm: int | None) -> lis
     return [cv2.imencode(".png", picture)[1] for picture in pictures]
 
 
+def decoded(picture: np.ndarray) -> np.ndarray:
+    """A picture of a moment, as a folder's are read."""
+    return np.asarray(cv2.imdecode(picture, cv2.IMREAD_UNCHANGED))
+
+
 def main() -> None:
     """Follow the stream and print one line a moment, then a summary."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -77,14 +84,14 @@ def main() -> None:
         parser.error("--size is width x height, such as 1600x1200")
     plan = half_bowl()
     cameras = ring_rig(box_around(plan, real(plan, np.array([12.0, 6.0, 0.0]), ())), options.views, size=size)
-    tracker = Tracker(plan, cameras)
+    tracker, readers = Tracker(plan, cameras), ThreadPoolExecutor(WORKERS)
     wall, cpu, told = [], [], list[Event]()
     worst: dict[str, list[float]] = {}
     for n, (name, by, without, arm) in enumerate(schedule()):
         truth = real(plan, by, without)
         pictures = encoded(truth, cameras, arm)
         began, used = time.perf_counter(), time.process_time()
-        images = [cv2.imdecode(picture, cv2.IMREAD_UNCHANGED) for picture in pictures]
+        images = list(readers.map(decoded, pictures))
         tracked = tracker.follow(images, n * STEP)
         tracker.result()
         wall.append(time.perf_counter() - began)

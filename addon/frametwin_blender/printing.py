@@ -23,8 +23,17 @@ from .preferences import draw_python
 from .steps import Panel, Step, draw_progress, is_free, needs, plan_of, settings_of, write_text
 
 TITLE = "Print"
-PLANNING = {"looking for collisions": (0.0, 0.2), "ordering the struts": (0.2, 1.0)}
-PRINTING = {"looking for collisions": (0.0, 0.03), "ordering the struts": (0.03, 0.06), "printing": (0.06, 1.0)}
+PLANNING = {
+    "looking for collisions": (0.0, 0.6),
+    "ordering the struts": (0.6, 0.7),
+    "comparing orders": (0.7, 1.0),
+}
+PRINTING = {
+    "looking for collisions": (0.0, 0.03),
+    "ordering the struts": (0.03, 0.04),
+    "comparing orders": (0.04, 0.06),
+    "printing": (0.06, 1.0),
+}
 ANSWERING = {"reading images": (0.0, 0.3), **dict.fromkeys(FITTING, (0.3, 1.0))}
 MODES = {"both": ("adapt", "blind"), "adapt": ("adapt",), "blind": ("blind",), "compensate": ("compensate",)}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from scipy import sparse
 
 Floats = NDArray[np.float64]
+Term = tuple[tuple[int, int, int], float]
 
 MOST_COEFFICIENTS = 8000
 """The normal equations are solved as a dense matrix; this many take half a gigabyte."""
@@ -83,10 +85,11 @@ def fit_lattice(
     basis = field.basis_matrix(where).multiply(root).tocsr()
     normal = _gram(basis)
     length = float(np.ptp(field.box, axis=0).max())
+    box_key, cells = tuple(field.box.ravel().tolist()), tuple(field.resolutions)
     if bending > 0.0:
-        normal += bending * length**4 * _energy(field, _SECOND)
+        normal += bending * length**4 * _energy_over(box_key, cells, _SECOND)
     if stretch > 0.0:
-        normal += stretch * length**2 * _energy(field, _FIRST)
+        normal += stretch * length**2 * _energy_over(box_key, cells, _FIRST)
     normal[np.diag_indices(size)] += _RIDGE * np.trace(normal) / size
     return field.with_coefficients(linalg.cho_solve(linalg.cho_factor(normal), basis.T @ (root * targets)))
 
@@ -106,7 +109,15 @@ def _gram(matrix: sparse.csr_matrix) -> Floats:
     return total
 
 
-def _energy(field: LatticeField, terms: Sequence[tuple[tuple[int, int, int], float]]) -> Floats:
+@lru_cache(maxsize=4)
+def _energy_over(box: tuple[float, ...], resolutions: tuple[Cells, ...], terms: tuple[Term, ...]) -> Floats:
+    """The energy's matrix (C, C) of a box, read-only: a twin that is followed asks for it again and again."""
+    energy = _energy(LatticeField.zeros(np.reshape(box, (2, 3)), resolutions), terms)
+    energy.flags.writeable = False
+    return energy
+
+
+def _energy(field: LatticeField, terms: Sequence[Term]) -> Floats:
     """(C, C) matrix of the mean over the box of a sum of squared derivatives.
 
     The basis functions are products over the axes, so every entry is a product of integrals along one axis.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import sqrt
 
 import cv2
@@ -77,6 +78,12 @@ class Level:
         ]
 
 
+@lru_cache(maxsize=256)
+def _resized(camera: Camera, width: int, height: int) -> Camera:
+    """The same for every moment of a stream, and checked once."""
+    return camera.resized(width, height)
+
+
 class Pyramid:
     """Masks that are reduced by area and blurred on demand.
 
@@ -128,7 +135,7 @@ class Pyramid:
         for camera, mask in zip(self.cameras, self.masks, strict=True):
             width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
             picture = mask if scale == 1.0 else cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
-            cameras.append(camera.resized(width, height))
+            cameras.append(_resized(camera, width, height))
             pictures.append(np.asarray(picture))
         if scale <= KEPT:
             self._last = (scale, (cameras, pictures))

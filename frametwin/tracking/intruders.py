@@ -86,14 +86,16 @@ def hidden_pixels(
     (H, W) bool array
     """
     result = np.zeros(shape, dtype=np.uint8)
-    pixels, depth = camera.project(points)
-    for strut, piece in np.argwhere(hidden):
-        ends, z = pixels[strut, piece : piece + 2], depth[strut, piece : piece + 2]
-        if (z <= 0.0).any():
-            continue
-        width = 2.0 * (1.0 + AROUND) * radius[strut] * camera.fl_x / float(z.mean())
-        a, b = (tuple(int(v) for v in np.clip(np.round(end), -1e4, 1e4)) for end in ends)
-        cv2.line(result, a, b, (1.0,), max(1, round(width)))
+    struts, pieces = np.nonzero(hidden)
+    pixels, depth = camera.project(np.stack([points[struts, pieces], points[struts, pieces + 1]], axis=1))  # (K, 2, 2)
+    seen = (depth > 0.0).all(axis=1)
+    ends, width = (
+        np.clip(np.round(pixels[seen]), -1e4, 1e4).astype(np.int64),
+        2.0 * (1.0 + AROUND) * radius[struts[seen]],
+    )
+    width = np.maximum(1, np.round(width * camera.fl_x / depth[seen].mean(axis=1))).astype(np.int64)
+    for (a, b), thickness in zip(ends.tolist(), width.tolist(), strict=True):
+        cv2.line(result, a, b, (1.0,), thickness)
     return result > 0
 
 

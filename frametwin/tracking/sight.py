@@ -82,8 +82,8 @@ class Sight:
         through = rods.transmittance(drawn, level)
         residual = np.float32(1.0) - through - level.target
         if not counted.all():
-            through = np.where(counted, through, np.float32(0.0))
-            residual[~counted] = 0.0
+            through = through * counted
+            residual *= counted
         return through, residual
 
     def terms(self, drawn: Rods, stage: Stage) -> Terms:

@@ -2,11 +2,14 @@
 
 Every strut begins on the plate or on something printed, and the tool reaches it past all that is printed before. The
 search runs backwards, from the finished frame (`removal`); what it takes away next is high up and hangs on joints that
-are compliant anyhow, so that a cantilever is supported soon after it was laid. A strut whose two ends are both on the
+are compliant anyhow, so that a cantilever is supported soon after it was laid. Of a few such orders the one is taken in
+which the print is expected to sag least (`sagging`). A strut whose two ends are both on the
 structure closes a cycle of the graph; how many do is the same in every order: struts less joints off the plate.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +21,7 @@ from frametwin.printing.sequencing.clearance import unpacked_hits
 from frametwin.printing.sequencing.given_order import GivenOrder, keep_order
 from frametwin.printing.sequencing.reachability import OrderSettings, search_space
 from frametwin.printing.sequencing.removal import Removal, SearchSpace, removable_from, remove_all
+from frametwin.printing.sequencing.sagging import heights_to_try, least_sagging
 from frametwin.printing.sequencing.stability import total_compliance
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.wording import having, listed
@@ -58,13 +62,15 @@ def plan_sequence(
     if given is not None and given.is_complete:
         return keep_order(frame, given, space, settings)
     stage = None if given is None else given.stage(frame)
-    removal = _search(frame, space, stage, settings, progress)
-    start = frame.edges[removal.struts, removal.start]
-    if stage is None:
-        batch = split_batches(total_compliance(frame, removal.struts), settings.batch_size_for(frame))
-    else:
-        batch = np.unique(stage[removal.struts], return_inverse=True)[1]
-    return PrintSequence(removal.struts, start, settings.axes[removal.axis], batch, source=frame.name)
+    found = []
+    for removal in _orders(frame, space, stage, settings, progress):
+        if stage is None:
+            batch = split_batches(total_compliance(frame, removal.struts), settings.batch_size_for(frame))
+        else:
+            batch = np.unique(stage[removal.struts], return_inverse=True)[1]
+        start = frame.edges[removal.struts, removal.start]
+        found.append(PrintSequence(removal.struts, start, settings.axes[removal.axis], batch, source=frame.name))
+    return least_sagging(frame, found, progress)
 
 
 def closing_struts(frame: Wireframe, sequence: PrintSequence) -> np.ndarray:
@@ -103,6 +109,23 @@ def require_way_to_plate(frame: Wireframe) -> None:
     if len(floating):
         remedy = "mark what stands on the plate as grounded, or join the parts"
         raise InputError.at(frame.name, "grounded", f"{having(floating)} no way to the plate", remedy)
+
+
+def _orders(
+    frame: Wireframe,
+    space: SearchSpace,
+    stage: np.ndarray | None,
+    settings: OrderSettings,
+    progress: ProgressCallback | None,
+) -> list[Removal]:
+    """Complete orders to choose from; where none of the usual ways leads to one, the first that is found."""
+    heights, complete = heights_to_try(frame, space), []
+    for number, height in enumerate(heights):
+        report(progress, Progress("ordering the struts", number, len(heights)))
+        way = remove_all(replace(space, height=height), stage)
+        if not way.remaining.any():
+            complete.append(way)
+    return complete or [_search(frame, space, stage, settings, progress)]
 
 
 def _search(
