@@ -21,6 +21,7 @@ LONGEST = (
     "test_print_job.py",
     "test_given_order.py",
     "test_evidence.py",
+    "test_bent_struts.py",
 )
 """From about half a minute up to minutes: they are begun with, so that in the end no process is left alone with one."""
 

@@ -90,7 +90,7 @@ def strut_at(context: bpy.types.Context, region: bpy.types.Region, place: np.nda
         If the twin's run folder cannot be read.
     """
     twin, _ = load_run(Path(str(twin_of(context).get(RUN_KEY, ""))))
-    curves = twin.control_points / mm_per_unit(context.scene)
+    curves = twin.curves / mm_per_unit(context.scene)
     view = next(area for area in context.window.screen.areas if region in list(area.regions)).spaces.active.region_3d
     reach = REACH * context.preferences.system.ui_scale
     return nearest_strut(curves, np.array(view.perspective_matrix), (region.width, region.height), place, reach)
@@ -103,7 +103,7 @@ def nearest_strut(
 
     Parameters
     ----------
-    curves : (E, 4, 3) array, Blender units
+    curves : (E, n + 1, 3) array, Blender units
         Of the struts.
     matrix : (4, 4) array
         From the world to what a view shows, from -1 to 1.

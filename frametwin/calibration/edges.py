@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 Floats = NDArray[np.float64]
 
@@ -66,5 +65,7 @@ def _sampled(grey: NDArray[np.uint8], places: Floats) -> Floats:
 
     OpenCV's own takes places to a thirty-second of a pixel only.
     """
+    from scipy import ndimage  # a tenth of a second, and every fit would wait for it
+
     rows_first = np.moveaxis(places[..., ::-1], -1, 0)
     return np.asarray(ndimage.map_coordinates(grey, rows_first, np.float64, order=1, cval=np.nan))

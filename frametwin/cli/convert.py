@@ -19,6 +19,7 @@ from frametwin.errors import InputError
 
 if TYPE_CHECKING:
     from frametwin.geometry.wireframe import Wireframe
+    from frametwin.twin.twin import Twin
 
 
 @click.command("convert", short_help="Write a frame in another format.")
@@ -49,23 +50,27 @@ def command(
 
     if target.exists() and not overwrite:
         raise InputError.at(target, "OUT", "exists already", "choose another name, or give --overwrite")
-    frame = _read(source)
+    frame, twin = _read(source)
+    curves = None if twin is None else twin.curves
     if scale is not None:
         frame = frame.transformed([[scale, 0, 0, 0], [0, scale, 0, 0], [0, 0, scale, 0], [0, 0, 0, 1]])
+        curves = None if curves is None else scale * curves
     if radius is not None:
         frame = frame.replace(radius=[radius] * frame.strut_count)
-    write_frame(target, frame)
+    write_frame(target, frame, curves)
     if as_json:
         counts = {"struts": frame.strut_count, "joints": frame.vertex_count, "extent": frame.extent}
         print_json({"out": target, **counts})
     else:
         click.echo(f"{target}: {frame.strut_count} struts, {frame.vertex_count} joints, {frame.extent:.4g} mm long")
+        if twin is not None and twin.bent and target.suffix.lower() == ".json":
+            click.echo(f"{len(twin.bent)} struts are bent as no cubic can be: the cubics nearest to them were written")
 
 
-def _read(source: str) -> Wireframe:
+def _read(source: str) -> tuple[Wireframe, Twin | None]:
     from frametwin.twin.runs import is_run, load_run
 
     if is_run(Path(source)):
         twin, plan = load_run(Path(source))
-        return twin.as_wireframe(plan)
-    return load_frame(source)
+        return twin.as_wireframe(plan), twin
+    return load_frame(source), None

@@ -74,7 +74,7 @@ def command(
         if run is not None:
             twin, _ = load_run(run)
             cameras = as_found([view.camera.without_distortion() for view in taken.views], twin.cameras)
-            masks = settled_view_masks(taken, masks, twin.as_wireframe(taken.frame), cameras)
+            masks = settled_view_masks(taken, masks, twin.as_wireframe(taken.frame), cameras, twin.curves)
         views = seen_views(taken, masks)
     title = f"What is seen of {taken.frame.name}"
     data = page(title, views).encode() if out.suffix.lower() == ".html" else encode_png(sheet(views))

@@ -120,9 +120,7 @@ def _layers(capture: Capture, present: np.ndarray, twin: Twin | None) -> tuple[L
     printed = capture.frame.printed
     there = present[:, 1] > present[:, 0]
     truth = None if capture.truth is None else sub_curves(capture.truth.control_points[there], present[there])
-    return layers_of(
-        capture.frame.control_points[printed], truth, None if twin is None else twin.control_points[printed]
-    )
+    return layers_of(capture.frame.control_points[printed], truth, None if twin is None else twin.curves[printed])
 
 
 def _aspect(capture: Capture, layers: tuple[Layer, ...]) -> float:
@@ -193,7 +191,7 @@ def _detail(sample: Sample, capture: Capture, present: np.ndarray, fit: _Fit) ->
     if capture.truth is not None:
         shown["curves"]["truth"] = _rounded(capture.truth.control_points)
     if fit.twin is not None and fit.errors is not None and fit.detection is not None:
-        shown["curves"]["twin"] = _rounded(fit.twin.control_points)
+        shown["curves"]["twin"] = _rounded(fit.twin.curves)
         shown["errors"] = fit.errors.summary()
         shown["detection"] = fit.detection.as_dict()
         shown["struts"] = {
@@ -221,7 +219,7 @@ def _camera(view: View, root: Path) -> dict[str, Any]:
 
 
 def _rounded(control_points: np.ndarray) -> list[float]:
-    """Control points (E, 4, 3) one after the other."""
+    """Control points (E, n + 1, 3) one after the other."""
     return np.round(control_points, DIGITS).ravel().tolist()
 
 

@@ -13,13 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frametwin.fitting.bows import suspects
-from frametwin.fitting.fast_stages import without_missing
-from frametwin.fitting.fast_state import Problem, State, drawn, terms_of
+from frametwin.fitting.bows import SHORTEST, suspects
+from frametwin.fitting.fast_stages import loss_of, whiteness_of, without_missing
+from frametwin.fitting.fast_state import Problem, State, drawn, level_of, terms_of
 from frametwin.fitting.halves import SAMPLES, Halves, cut, halved_frame, joined_curve, laid_along
-from frametwin.fitting.misplaced import loss_of, settled
+from frametwin.fitting.misplaced import BROKEN, settled
 from frametwin.fitting.motion import Pose
-from frametwin.fitting.tangled import untangled
+from frametwin.fitting.nearby import Nearby
+from frametwin.fitting.presence import outline_misfit
+from frametwin.fitting.tangled import AROUND_BENT, untangled
 from frametwin.fitting.torn_ends import Torn, scale_of, separated, without_ends
 from frametwin.geometry import bezier
 
@@ -33,6 +35,12 @@ bows may be the fault of others."""
 
 CLEAR = 2.5
 """Pixels of the typical strut's radius, at least: in coarser pictures bows are found where there are none."""
+
+ROBBED = 3
+"""Struts that seem to be broken, at most, that are halved on trial for it."""
+
+NEIGHBOUR = 1.5
+"""Times that outlines are off those of the typical strut from which a strut is halved on trial beside a halved one."""
 
 SOFTER = 0.03
 """Stiffness of halves, by which they are held to where they were, relative to other struts'."""
@@ -84,18 +92,59 @@ def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) 
         found = _halved(whole, chosen)
         whole = whole.after(found)
         if len(found.halves.struts):
-            return _with_those_hidden_before(whole, found, chosen)
-    return whole
+            found = _with_robbed(whole, _with_those_hidden_before(whole, found, chosen))
+            return _with_neighbours(whole, found, chosen)
+    return _with_robbed(whole, whole)
 
 
 def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -> Bent:
     """Halve also struts that ask for it only once others are halved."""
-    halves = found.halves
-    more = np.setdiff1d(suspects(found.problem, found.state), np.concatenate([looked_at, halves.second]))
+    found = found._replace(state=settled(found.problem, found.state))  # others had been drawn for them
+    more = np.setdiff1d(suspects(found.problem, found.state), np.concatenate([looked_at, found.halves.second]))
+    return _with(whole, found, more)
+
+
+def _with_robbed(whole: Bent, found: Bent) -> Bent:
+    """Halve also struts that seem to be broken, where they are then whole and that explains more.
+
+    One that bows along a straight one may have left its place to it: that one has then bent to where both are seen.
+    """
+    white = whiteness_of(found.problem, found.state, found.problem.settings.refine[-1])[: found.halves.planned_struts]
+    robbed = np.flatnonzero(_may_be_bent(whole, found) & (white < BROKEN))
+    again = _with(whole, found, robbed[np.argsort(-white[robbed], kind="stable")][:ROBBED])
+    bent = np.flatnonzero(np.isin(again.halves.struts, robbed))
+    both = np.concatenate([again.halves.struts[bent], again.halves.second[bent]])
+    there = again.state.pose.opacity[both].mean(axis=1) > BROKEN
+    return again if there.all() else found.after(again)  # what is not there can be drawn anywhere
+
+
+def _with_neighbours(whole: Bent, found: Bent, looked_at: np.ndarray) -> Bent:
+    """Halve also struts that end where a halved one does and whose outlines are off, where that explains more.
+
+    A joint that has left its place bends what is straight there, and straightens what is bent.
+    """
+    problem, halves, edges = found.problem, found.halves, whole.plan.frame.edges
+    stage, state = problem.settings.refine[-1], found.state
+    off = halves.larger(outline_misfit(drawn(problem, state, stage.pieces), level_of(problem, state, stage)))
+    beside = np.isin(edges, edges[halves.struts]).any(axis=1) & (off > NEIGHBOUR * float(np.median(off)))
+    return _with(whole, found, np.setdiff1d(np.flatnonzero(beside & _may_be_bent(whole, found)), looked_at))
+
+
+def _may_be_bent(whole: Bent, found: Bent) -> np.ndarray:
+    """(E,) array of bool: struts that are not halved, not too short, and of which at least a part seems to be there."""
+    frame, pose = whole.plan.frame, found.state.pose
+    count = frame.strut_count
+    may = (frame.chord_lengths > SHORTEST * pose.radius[:count]) & pose.opacity[:count].any(axis=1)
+    may[found.halves.struts] = False
+    return np.asarray(may)
+
+
+def _with(whole: Bent, found: Bent, more: np.ndarray) -> Bent:
+    """With more struts halved where they need it and that explains more."""
     if not len(more):
         return found
-    again = _halved(whole.after(found), np.union1d(halves.struts, more))
-    return again if len(again.halves.struts) > len(halves.struts) and again.loss < found.loss else found.after(again)
+    again = _halved(whole.after(found), np.union1d(found.halves.struts, more))
+    return again if len(again.halves.struts) and again.loss < found.loss else found.after(again)
 
 
 def _halved(whole: Bent, struts: np.ndarray) -> Bent:
@@ -106,11 +155,18 @@ def _halved(whole: Bent, struts: np.ndarray) -> Bent:
         kept, rise = _needed(found.problem, found.state, found.halves)
         if kept.all():
             least = found.loss + WINS * rise.sum()
-            if least < whole.loss or least < loss_of(whole.problem, settled(whole.problem, whole.state)):
+            loose = np.isin(whole.torn.ends[:, 0], struts).any()  # which are told apart from bent ones by little
+            if (not loose and least < whole.loss) or least < _settled_loss(whole, struts):
                 return found._replace(state=untangled(found.problem, found.state, found.halves))
             break
         struts = struts[kept]
     return whole
+
+
+def _settled_loss(whole: Bent, struts: np.ndarray) -> float:
+    """The loss with the struts whole, after the steps that halved ones get."""
+    near = Nearby.of(whole.problem, whole.state, struts, AROUND_BENT)
+    return loss_of(whole.problem, near.after(whole.state, settled))
 
 
 def _needed(problem: Problem, state: State, halves: Halves) -> tuple[np.ndarray, np.ndarray]:
@@ -131,7 +187,8 @@ def _tried(whole: Bent, halves: Halves) -> Bent:
     joined, fewer = without_ends(state, torn.planned, still), torn.only(still)
     new_torn = Torn(fewer.ends, fewer.joints, frame.vertex_count)
     new = separated(new_plan, new_torn)
-    tried = settled(new, _in_halves(separated(plan, fewer), new, joined, halves))
+    start = _in_halves(separated(plan, fewer), new, joined, halves)
+    tried = Nearby.of(new, start, halves.both, AROUND_BENT).after(start, settled)
     if problem.settings.learn_opacity and (state.pose.opacity[halves.struts] < 1.0).any():
         tried = without_missing(new, tried)
     return Bent(new_plan, new, tried, new_torn, halves)

@@ -15,13 +15,13 @@ from frametwin.fields.base import DeformationField
 from frametwin.fitting import gauge
 from frametwin.fitting.bent import with_bent_struts
 from frametwin.fitting.fast_settings import Stage
-from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, noticed, recover, refine, search
+from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, loss_of, noticed, recover, refine, search
 from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import WORTH, common_size
-from frametwin.fitting.misplaced import given_second_chance, loss_of
+from frametwin.fitting.misplaced import given_second_chance
 from frametwin.fitting.torn_ends import Torn, mended, rejoined
 from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
 
@@ -38,6 +38,9 @@ hundredth of a degree is at 0.14 and more."""
 
 ROUNDS = 3
 """Times that views are left out, at most."""
+
+LARGER = 1.2
+"""How many times larger pictures have to be for a whole stage, if it is not the last."""
 
 TRIALS = 2
 """Times that the last free stage is gone through before joints with material of their own are judged among stubs."""
@@ -173,7 +176,7 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves
     state, halves = noticed(problem, state), Halves.none(plan.frame)
     *sharp, sharpest = problem.settings.finish
     for stage in sharp:
-        state = _sharpened(problem, state, stage)
+        state = _sharpened(problem, state, _shortened(problem, stage))
         problem, state, torn = rejoined(plan, problem, state, torn, stage)
     if sharp:
         plan, problem, state, torn, halves = with_bent_struts(plan, problem, state, torn)
@@ -181,6 +184,14 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves
             state = _sharpened(problem, state, sharp[-1])
     state = finish(problem, state, sharpest) if sharp else _sharpened(problem, state, sharpest)
     return problem, state.lapped("finish"), torn, halves
+
+
+def _shortened(problem: Problem, stage: Stage) -> Stage:
+    """The stage in one step where its pictures are hardly larger than those before: another one follows."""
+    larger = problem.levels.pixels_per_mm(stage.detail) / problem.levels.pixels_per_mm(
+        problem.settings.refine[-1].detail
+    )
+    return stage if larger > LARGER else replace(stage, iterations=1)
 
 
 def _sharpened(problem: Problem, state: State, stage: Stage) -> State:

@@ -18,6 +18,9 @@ INNER = slice(3, 9)
 ANCHOR = 1e-6
 """Stiffness, relative to the mean diagonal, that holds what neither pictures nor struts hold."""
 
+PINNED = 1e9
+"""The same that holds joints that shall not move."""
+
 QUADRATURE = 24
 """Intervals for the energies of the inner control points; they are polynomials of low degree."""
 
@@ -46,6 +49,7 @@ class ElasticFrame:
         self.frame = frame
         self.edges = frame.edges
         self.vertex_count = frame.vertex_count
+        self._pinned = np.zeros(0, dtype=np.int64)
         start, end = frame.control_points[:, 0], frame.control_points[:, 3]
         chord = np.linalg.norm(end - start, axis=1)
         area, inertia = np.pi * frame.radius**2, np.pi * frame.radius**4 / 4.0
@@ -66,6 +70,26 @@ class ElasticFrame:
         for name in ("stiffness", "spin_stiffness", "inner_stiffness"):
             setattr(stiffer, name, factor[:, None, None] * getattr(self, name))
         return stiffer
+
+    def part(self, frame: Wireframe, struts: np.ndarray, pinned: np.ndarray) -> ElasticFrame:
+        """Some struts by themselves, as stiff as they are here.
+
+        Parameters
+        ----------
+        frame : Wireframe
+            Of these struts.
+        struts : (E',) array of int
+        pinned : (V',) array of bool
+            Joints of that frame that neither shift nor turn.
+        """
+        result = copy(self)
+        result.frame, result.edges, result.vertex_count = frame, frame.edges, frame.vertex_count
+        for name in ("follow", "stiffness", "spin_stiffness", "inner_stiffness"):
+            setattr(result, name, getattr(self, name)[struts])
+        result.freedoms = (6 * frame.edges[:, :, None] + np.arange(6)).reshape(-1, 12)
+        result._pattern()
+        result._pinned = (6 * np.flatnonzero(pinned)[:, None] + np.arange(6)).ravel()
+        return result
 
     def _pattern(self) -> None:
         """Where every element's entries go in the assembled matrix; found once, as it never changes."""
@@ -107,6 +131,7 @@ class ElasticFrame:
         mean = float(matrix.data[self._diagonal].mean())
         anchored = matrix.copy()
         anchored.data[self._diagonal] += ANCHOR * mean if mean > 0.0 else 1.0
+        anchored.data[self._diagonal[self._pinned]] += PINNED * max(mean, 1.0)
         return anchored
 
     def solve(self, matrix: sparse.csc_matrix, right: np.ndarray) -> np.ndarray:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +15,8 @@ from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import learn_joint_sizes
 from frametwin.fitting.loads import load_answers, rigid_motions, smooth_warps
 from frametwin.fitting.motion import free_step, smooth_descent, strain
+from frametwin.fitting.nearby import Nearby
+from frametwin.raster import rods
 from frametwin.raster.rods import Terms
 
 SIGNIFICANT = 3.0
@@ -104,19 +108,29 @@ def _let_go(problem: Problem, state: State) -> State:
     if not state.strained:
         return state
     stage = loosened(problem.settings.refine[-1])
-    return _until_settled(problem, state, stage, state.last_terms.loss, anchoring=True).anchored()
+    return until_settled(problem, state, stage, state.last_terms.loss, anchoring=True).anchored()
 
 
-def _until_settled(
+def until_settled(
     problem: Problem, state: State, stage: Stage, before: float = np.inf, anchoring: bool = False
 ) -> State:
-    """A stage again and again, until it lowers the loss no more; anchored anew each time if wanted."""
+    """A stage again and again, until it lowers the loss no more; anchored anew each time if wanted.
+
+    The last one is gone through twice at least: by it what is there of each strut is judged.
+    """
+    soon = stage.detail < problem.settings.finish[-1].detail
     for _ in range(LETTING_GO):
         state = free_stage(problem, state.anchored() if anchoring else state, stage)
-        if state.last_terms.loss > (1.0 - SETTLED) * before:
+        settled = state.last_terms.loss > (1.0 - SETTLED) * before
+        if settled or (soon and _slow(state.record.loss, stage.iterations)):
             break
         before = state.last_terms.loss
     return state
+
+
+def _slow(loss: Sequence[float], steps: int) -> bool:
+    """Whether a round of so many steps like the last one would not lower the loss by half of what is asked."""
+    return steps > 1 and 2 * steps * (loss[-2] - loss[-1]) < SETTLED * loss[-1]
 
 
 def loosened(stage: Stage) -> Stage:
@@ -129,7 +143,14 @@ def noticed(problem: Problem, state: State) -> State:
     stage = problem.settings.refine[-1]
     whole = _whole(state).astype(np.float64)  # what is not there is bent by nothing
     energy = stage.pull * strain(problem.elastic.stiffened(whole), state.pose, state.anchor)
-    return replace(state, strained=state.strained or energy >= STRAINED * state.last_terms.loss)
+    loss = loss_of(problem, state) if state.terms is None else state.terms.loss
+    return replace(state, strained=state.strained or energy >= STRAINED * loss)
+
+
+def loss_of(problem: Problem, state: State) -> float:
+    """Half the sum of squared residuals by which what is tried is compared."""
+    stage = problem.settings.refine[-1]
+    return rods.squared_loss(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
 
 
 def _whole(state: State) -> np.ndarray:
@@ -148,7 +169,7 @@ def finish(problem: Problem, state: State, stage: Stage) -> State:
         held = problem.elastic.stiffened(np.where(_whole(state), 1.0, 1.0 / LOOSE))
         problem = replace(problem, elastic=held)
     slow = state.strained or state.joint_size is not None or state.cameras is not None
-    return _until_settled(problem, state, stage) if slow else free_stage(problem, state, stage, near=NEAR_LAST)
+    return until_settled(problem, state, stage) if slow else free_stage(problem, state, stage, near=NEAR_LAST)
 
 
 def free_stage(
@@ -169,7 +190,7 @@ def free_stage(
     hidden = None if state.joint_size is None else problem.stubs  # behind the material of their joints
     for _ in range(stage.iterations):
         terms, joints, inner, cameras = _free_step(problem, state, stage, lost)
-        furthest = np.percentile(np.linalg.norm(joints[:, :3], axis=1), 99) * density
+        furthest = _furthest(joints, problem.resting) * density
         share = stage.share * min(1.0, stage.longest / max(furthest, 1e-12))
         pose = state.pose.moved(share * joints, share * inner)
         if problem.settings.learn_thickness and stage.detail > 1.0:
@@ -181,6 +202,11 @@ def free_stage(
         if furthest < near:
             break
     return state
+
+
+def _furthest(joints: np.ndarray, resting: int) -> float:
+    """mm by which 99 % of all joints move at most, some of which rest, in a step (V, 6) of the others."""
+    return float(np.percentile(np.pad(np.linalg.norm(joints[:, :3], axis=1), (0, resting)), 99))
 
 
 def _joint_sizes(problem: Problem, state: State, terms: Terms, stage: Stage) -> np.ndarray | None:
@@ -229,12 +255,19 @@ def recover(problem: Problem, state: State) -> State:
     stage, settings = problem.settings.refine[-1], problem.settings
     lost = astray(problem, state, stage)
     if lost.any():
-        state = free_stage(problem, state, replace(stage, iterations=2, drag=0.0), lost)
-        for again in settings.recover:
-            state = free_stage(problem, state, again)
+        near = Nearby.of(problem, state, np.flatnonzero(lost))
+        state = near.after(state, partial(_put_back, lost=lost[near.struts]))
     if settings.learn_opacity:
         state = without_missing(problem, state)
     return state.lapped("recover")
+
+
+def _put_back(problem: Problem, state: State, lost: np.ndarray) -> State:
+    """The state with lost struts (E,) where their neighbours expect them, and fitted from there."""
+    state = free_stage(problem, state, replace(problem.settings.refine[-1], iterations=2, drag=0.0), lost)
+    for again in problem.settings.recover:
+        state = free_stage(problem, state, again)
+    return state
 
 
 def without_missing(problem: Problem, state: State) -> State:

@@ -27,6 +27,7 @@ from frametwin.fitting.lenses import lens_blurs
 from frametwin.fitting.levels import Levels
 from frametwin.fitting.motion import Pose, as_rods, start_pose
 from frametwin.fitting.stubs import are_stubs
+from frametwin.fitting.window import Window
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.raster import rods
@@ -55,6 +56,10 @@ class Problem:
         Told of every step.
     stiffness : (E,) array or None
         By what factor each strut is stiffer than by its section; ``None`` for 1.
+    window : Window or None
+        The part of the pictures in which the struts are, where the frame is a part of one; the rest of it is there.
+    resting : int
+        Joints of the rest.
     """
 
     frame: Wireframe
@@ -64,6 +69,8 @@ class Problem:
     covariances: np.ndarray
     callback: ProgressCallback | None
     stiffness: np.ndarray | None = None
+    window: Window | None = None
+    resting: int = 0
 
     @classmethod
     def of(
@@ -90,7 +97,8 @@ class Problem:
 
     def level(self, stage: AnyStage) -> Level:
         """The pictures at the size and blur of a stage."""
-        return self.levels.at(stage.detail, stage.blur)
+        level = self.levels.at(stage.detail, stage.blur)
+        return level if self.window is None else self.window.part_of(level, self.scales(level))
 
     def scales(self, level: Level) -> np.ndarray:
         """(N,) pixels of a level to one of the full picture, view by view."""

@@ -70,8 +70,8 @@ class Halves:
     def joined(self, part: PartFit, degree: int) -> PartFit:
         """What was found with struts in halves, of whole struts.
 
-        Of standard deviations that of the worse half counts. Struts that were halved get curves of ``degree``; standard
-        deviations are those of the cubics, which are off these by what is known.
+        Struts that were halved get curves of ``degree``. Standard deviations are those of these curves: that of the
+        worse half, and by how much the two are off the curve.
         """
         if not len(self.struts):
             return part
@@ -80,7 +80,7 @@ class Halves:
         cubic[self.struts] = joined_curve(first, second, 3)
         curves = joined_curve(first, second, degree)
         off = np.zeros(self.planned_struts)
-        off[self.struts] = _typical_distance(curves, cubic[self.struts])
+        off[self.struts] = np.sqrt(0.5 * (_mean_square_distance(first, curves) + _mean_square_distance(second, curves)))
         found: dict[str, Any] = {name: getattr(part, name) for name in ("sigma_across", "sigma_along")}
         found = {name: None if s is None else np.hypot(self.larger(s), off) for name, s in found.items()}
         return replace(
@@ -138,11 +138,11 @@ def joined_curve(first: np.ndarray, second: np.ndarray, degree: int) -> np.ndarr
     return result
 
 
-def _typical_distance(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(N,) root mean square in mm of the distances from points of curves (N, n + 1, 3) to others (N, m + 1, 3)."""
+def _mean_square_distance(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(N,) mean square in mm^2 of the distances from points of curves (N, n + 1, 3) to others (N, m + 1, 3)."""
     u = np.linspace(0.0, 1.0, SAMPLES)
     gap = bezier.evaluate(first, u)[:, :, None] - bezier.evaluate(second, np.linspace(0.0, 1.0, FINE))[:, None]
-    return np.asarray(np.sqrt(np.einsum("nsfx,nsfx->nsf", gap, gap).min(axis=2).mean(axis=1)))
+    return np.asarray(np.einsum("nsfx,nsfx->nsf", gap, gap).min(axis=2).mean(axis=1))
 
 
 def _curve_through(points: np.ndarray, u: np.ndarray, degree: int) -> np.ndarray:

@@ -31,6 +31,11 @@ class Levels:
         return np.array([camera.width for camera in self._pyramid.cameras], dtype=np.float64)
 
     @property
+    def radius(self) -> float:
+        """Of the typical strut, in mm."""
+        return self._radius
+
+    @property
     def density(self) -> float:
         """How many pixels of the full pictures a millimetre of the frame covers."""
         return self._density

@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from frametwin.fitting.fast_stages import free_stage, whiteness_of, without_missing
+from frametwin.fitting.fast_stages import free_stage, loss_of, until_settled, whiteness_of, without_missing
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of
-from frametwin.fitting.torn_ends import Torn, separated, without_ends
+from frametwin.fitting.nearby import Nearby
+from frametwin.fitting.torn_ends import Torn, separated, struts_at, without_ends
 from frametwin.raster import rods
 from frametwin.raster.rods import Rods
 
@@ -24,9 +25,8 @@ STEPS = 3
 ROUNDS, GAIN = 4, 0.01
 """Times that everything is tried, at most, and share by which the loss has to fall for another time."""
 
-SINGLY, WORK = 6, 3000
-"""Joints, and struts, that are tried one by one in each round, at most, and struts that are drawn for it: every trial
-draws the whole frame, so that in large ones fewer are tried."""
+SINGLY = 20
+"""Joints, and struts, that are tried one by one in each round, at most."""
 
 MOST = 64
 """Struts for which other shapes are looked at, at most."""
@@ -63,27 +63,24 @@ def given_second_chance(plan: Problem, problem: Problem, state: State, torn: Tor
     return problem, state.lapped("second chance"), torn
 
 
-def _trials(problem: Problem) -> int:
-    return min(SINGLY, WORK // problem.frame.strut_count)
-
-
 def _joints_moved(plan: Problem, problem: Problem, state: State, torn: Torn) -> tuple[Problem, State, Torn]:
     """Move joints to the ends that were taken for torn off them, or those ends back, where that explains more."""
     apart = np.linalg.norm(state.pose.joints[torn.planned :, :3] - state.pose.joints[torn.joints, :3], axis=1)
     furthest = torn.joints[np.argsort(-apart, kind="stable")]
-    joints = list(dict.fromkeys(furthest.tolist()))[: _trials(problem)]
-    if joints:
-        state = settled(problem, state)  # as all that is tried will be
+    joints = list(dict.fromkeys(furthest.tolist()))[:SINGLY]
     for joint in joints:
         fewer = torn.only(torn.joints != joint)
         trial = separated(plan, fewer)
-        before = loss_of(problem, state)
+        near = Nearby.of(problem, state, struts_at(plan, np.array([joint])))
+        state = near.after(state, settled)  # as all that is tried will be
+        before = loss_near(near, state)
         for to_ends in (True, False):
             start = _straightened(_joined(state, torn, joint, to_ends), _struts_at(plan, joint))
-            tried = settled(trial, start)
+            there = near.in_frame(trial, start)
+            tried = there.after(start, settled)
             state = replace(state, record=tried.record)
-            if loss_of(trial, tried) < before:
-                problem, state, torn = trial, tried, fewer
+            if loss_near(there, tried) < before:
+                problem, state, torn = trial, there.after(tried, _settled_for_good), fewer
                 break
     return problem, state, torn
 
@@ -95,13 +92,12 @@ def _struts_bowed(problem: Problem, state: State) -> State:
     """
     struts, shapes = _promising(problem, state)
     together = [np.arange(len(struts))] if len(struts) else []
-    for chosen in together + [np.array([i]) for i in range(min(len(struts), _trials(problem)))]:
-        tried = settled(problem, _shaped(problem, state, struts[chosen], shapes[chosen]))
-        if problem.settings.learn_opacity:
-            tried = without_missing(problem, tried)
+    for chosen in together + [np.array([i]) for i in range(min(len(struts), SINGLY))]:
+        near = Nearby.of(problem, state, struts[chosen])
+        tried = near.after(_shaped(problem, state, struts[chosen], shapes[chosen]), _settled_and_judged)
         state = replace(state, record=tried.record)
-        if loss_of(problem, tried) < loss_of(problem, state):
-            state = _absent_as_before(tried, state)
+        if loss_near(near, tried) < loss_near(near, state):
+            state = near.after(_absent_as_before(tried, state), _settled_for_good)
             if len(chosen) == len(struts):
                 break
     return state
@@ -211,14 +207,24 @@ def _joined(state: State, torn: Torn, joint: int, to_ends: bool) -> State:
     return without_ends(replace(state, pose=pose, anchor=anchor), torn.planned, torn.joints != joint)
 
 
+def _settled_for_good(problem: Problem, state: State) -> State:
+    """After as many steps as lower the loss: what has been put elsewhere is seldom near its place yet."""
+    return until_settled(problem, state, problem.settings.refine[-1])
+
+
+def loss_near(near: Nearby, state: State) -> float:
+    """As `loss_of`, of a few struts."""
+    return loss_of(near.part, near.taken(state))
+
+
+def _settled_and_judged(problem: Problem, state: State) -> State:
+    """The same, without what is then seen to be missing."""
+    state = settled(problem, state)
+    return without_missing(problem, state) if problem.settings.learn_opacity else state
+
+
 def settled(problem: Problem, state: State) -> State:
     """After a few steps of the last two stages in which every joint and strut is free, as all that is tried gets."""
     for stage in problem.settings.refine[-2:]:
         state = free_stage(problem, state, replace(stage, iterations=min(stage.iterations, STEPS)))
     return state
-
-
-def loss_of(problem: Problem, state: State) -> float:
-    """Half the sum of squared residuals by which what is tried is compared."""
-    stage = problem.settings.refine[-1]
-    return rods.squared_loss(drawn(problem, state, stage.pieces), level_of(problem, state, stage))

@@ -81,7 +81,7 @@ class PartFit:
     joint_radius : (V,) array or None, mm
         Of the material at each joint, likewise.
     sigma_across, sigma_along : (E,) array or None, mm
-        Standard deviation of each strut across and along itself, likewise.
+        Standard deviation of each strut's curve across and along itself, likewise.
     attached : (E, 2) array of bool or None
         Whether the start and the end of each strut are at their joints, likewise.
     gap : (E, 2) array or None, mm

@@ -105,7 +105,8 @@ def fit_by_turns(
     moved = 0.0
     for _ in range(rounds):
         cameras = as_found([view.camera.without_distortion() for view in capture.views], result.twin.cameras)
-        seen = refine_view_masks(capture, seen, result.twin.as_wireframe(capture.frame), cameras)
+        twin = result.twin
+        seen = refine_view_masks(capture, seen, twin.as_wireframe(capture.frame), cameras, curves=twin.curves)
         require_views(capture, seen)
         before, result = result, _fit_used(capture, seen, fit, result.field)
         moved = _moved(capture.frame, before.twin, result.twin)

@@ -10,10 +10,16 @@ from itertools import combinations
 
 import numpy as np
 
+from frametwin.fitting.fast_stages import loss_of
 from frametwin.fitting.fast_state import Problem, State, drawn
 from frametwin.fitting.halves import Halves, laid_along
-from frametwin.fitting.misplaced import loss_of, settled
+from frametwin.fitting.misplaced import settled
+from frametwin.fitting.nearby import Nearby
 from frametwin.geometry import bezier
+
+AROUND_BENT = 3
+"""Rings of struts around bent ones that may move along while these are tried (see `Nearby`): joints that have left
+their place have taken others with them."""
 
 NEAR, PAIRS = 8.0, 6
 """Radii between the middles of two struts of one joint that may have changed places, and how many are tried."""
@@ -24,12 +30,18 @@ def untangled(problem: Problem, state: State, halves: Halves) -> State:
     pairs = _near_pairs(problem, state, halves)
     if not pairs:
         return state
-    state = settled(problem, state)  # as all that is tried will be
-    least = loss_of(problem, state)
     for pair in pairs:
+        both = list(pair)
+        near = Nearby.of(problem, state, np.concatenate([halves.struts[both], halves.second[both]]), AROUND_BENT)
+        state = near.after(state, settled)  # as all that is tried will be
+        least = loss_of(problem, state)
         (one, other), (straight, straight_too), start = *_places(problem, state, halves, pair), state
-        for places in ((other, one), (straight, straight_too), (straight, one), (other, straight_too)):
-            tried = settled(problem, _with_middles_at(problem, start, halves, pair, np.stack(places)))
+        starts = [
+            _with_middles_at(problem, start, halves, pair, np.stack(places))
+            for places in ((other, one), (straight, straight_too), (straight, one), (other, straight_too))
+        ]
+        for begun in (*starts, _with_ends_exchanged(problem, start, halves, pair)):
+            tried = near.after(begun, settled)
             state = replace(state, record=tried.record)
             if (loss := loss_of(problem, tried)) < least:
                 state, least = tried, loss
@@ -68,8 +80,33 @@ def _with_middles_at(
         chord = bezier.straight(curves[[first], 0], curves[[second], 3])
         chord[0, 1:3] += 4.0 / 3.0 * (place - 0.5 * (chord[0, 0] + chord[0, 3]))
         curves[first], curves[second] = (half[0] for half in bezier.split(chord, 0.5))
+    return _laid(problem, state, curves, middles, own.ravel())
+
+
+def _with_ends_exchanged(problem: Problem, state: State, halves: Halves, pair: tuple[int, int]) -> State:
+    """The state with two halved struts that go on beyond their middles along each other's way to the joint they share.
+
+    Where they cross about their middles, it is there that they were taken for each other.
+    """
+    now, edges = drawn(problem, state, 1), problem.frame.edges
+    curves, both = now.control_points, list(pair)
+    sides = np.stack([halves.struts[both], halves.second[both]], axis=1)  # (2, 2) halves by strut and side
+    ends = np.stack([edges[sides[:, 0], 0], edges[sides[:, 1], 1]], axis=1)
+    shared = np.intersect1d(ends[0], ends[1])[0]
+    chosen = [int(np.flatnonzero(own == shared)[0]) for own in ends]
+    own = np.array([sides[i, side] for i, side in enumerate(chosen)])
+    # From the middle to the joint.
+    ways = [curves[half] if side else curves[half][::-1] for half, side in zip(own, chosen, strict=True)]
+    for half, side, way, other in zip(own, chosen, ways, ways[::-1], strict=True):
+        moved = other + np.linspace(1.0, 0.0, 4)[:, None] * (way[0] - other[0])
+        curves[half] = moved if side else moved[::-1]
+    return _laid(problem, state, curves, halves.planned_vertices + np.array(pair), own)
+
+
+def _laid(problem: Problem, state: State, curves: np.ndarray, middles: np.ndarray, own: np.ndarray) -> State:
+    """The state with curves (E, 4, 3), held from there on where the ``middles`` and struts ``own`` are now."""
     joints, inner = laid_along(problem, state.pose.joints, curves, middles)
     pose, anchor = replace(state.pose, joints=joints, inner=inner), state.anchor
     from_here = replace(anchor, joints=anchor.joints.copy(), inner=anchor.inner.copy())
-    from_here.joints[middles], from_here.inner[own.ravel()] = joints[middles], inner[own.ravel()]
+    from_here.joints[middles], from_here.inner[own] = joints[middles], inner[own]
     return replace(state, pose=pose, anchor=from_here, terms=None)

@@ -8,6 +8,7 @@ gain enough are given a vertex of their own and fitted again. Those that come ba
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from frametwin.fitting.fast_settings import Stage
 from frametwin.fitting.fast_stages import free_stage
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of, terms_of
 from frametwin.fitting.motion import Pose, covariance_between
+from frametwin.fitting.nearby import Nearby
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.rods import Terms
@@ -128,10 +130,15 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
         trial_torn = torn.with_ends(ends, plan.frame)
         trial = separated(plan, trial_torn)
         tried = _freed(trial, state, trial_torn, shift)
+        near = Nearby.of(trial, tried, struts_at(plan, trial_torn.joints[len(torn.ends) :]))
         for again in problem.settings.refine[-2:]:
-            tried = free_stage(trial, tried, replace(again, iterations=min(again.iterations, TRIAL)))
+            few = replace(again, iterations=min(again.iterations, TRIAL))
+            tried = near.after(tried, partial(free_stage, stage=few))
             if _came_back(tried, trial_torn, len(torn.ends)):
                 return problem, replace(state, record=tried.record).lapped("torn ends"), torn
+        if not _new_ends_apart(near, tried, trial_torn, len(torn.ends), stage):
+            state = replace(state, record=tried.record)
+            break
         kept = _apart(trial, tried, trial_torn, stage, (LIKELY_GAP, LIKELY))
         found = trial_torn.only(kept)
         if not kept[len(torn.ends) :].any():
@@ -139,8 +146,13 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
             break
         problem, state = separated(plan, found), without_ends(tried, torn.planned, kept)
         torn = found
-        state = free_stage(problem, state, stage)
+        state = near.in_frame(problem, state).after(state, partial(free_stage, stage=stage))
     return problem, state.lapped("torn ends"), torn
+
+
+def struts_at(plan: Problem, joints: np.ndarray) -> np.ndarray:
+    """Struts that end at some joints (N,)."""
+    return np.flatnonzero(np.isin(plan.frame.edges, joints).any(axis=1))
 
 
 def _came_back(state: State, torn: Torn, known: int) -> bool:
@@ -148,6 +160,16 @@ def _came_back(state: State, torn: Torn, known: int) -> bool:
     ends = state.pose.joints[torn.planned + known :, :3]
     gap = np.linalg.norm(ends - state.pose.joints[torn.joints[known:], :3], axis=1)
     return bool((gap < BACK * state.pose.radius[torn.ends[known:, 0]]).all())
+
+
+def _new_ends_apart(near: Nearby, state: State, torn: Torn, known: int, stage: Stage) -> bool:
+    """Whether any end after the first ``known`` may be torn, by what is seen of those alone that were tried."""
+    places = np.searchsorted(near.joints, torn.planned + np.arange(known, len(torn.ends)))
+    strut, side = torn.ends[known:].T
+    ends = np.stack([np.searchsorted(near.struts, strut), side], axis=1)
+    joints = np.searchsorted(near.joints, torn.joints[known:])
+    there = _ends_apart(near.part, near.taken(state), (ends, places, joints), stage, (LIKELY_GAP, LIKELY))
+    return bool(there.any())
 
 
 def rejoined(plan: Problem, problem: Problem, state: State, torn: Torn, stage: Stage) -> tuple[Problem, State, Torn]:
@@ -198,7 +220,7 @@ def _gain_of_ends(terms: Terms) -> tuple[np.ndarray, np.ndarray]:
 
 def scale_of(problem: Problem, stage: Stage) -> float:
     """Squared pixels of a stage to one where the typical radius is 1.8 pixels."""
-    return (problem.levels.pixels_per_mm(stage.detail) * float(np.median(problem.frame.radius)) / 1.8) ** 2
+    return (problem.levels.pixels_per_mm(stage.detail) * problem.levels.radius / 1.8) ** 2
 
 
 def separated(plan: Problem, torn: Torn) -> Problem:
@@ -248,22 +270,36 @@ def without_ends(state: State, planned: int, kept: np.ndarray) -> State:
 
 def _apart(problem: Problem, state: State, torn: Torn, stage: Stage, least: tuple[float, float]) -> np.ndarray:
     """(T,) array of bool: ends that are apart from their joints by so many radii, and so much rise of the loss."""
-    strut = torn.ends[:, 0]
+    places = torn.planned + np.arange(len(torn.ends))
+    return _ends_apart(problem, state, (torn.ends, places, torn.joints), stage, least)
+
+
+def _ends_apart(
+    problem: Problem,
+    state: State,
+    which: tuple[np.ndarray, np.ndarray, np.ndarray],
+    stage: Stage,
+    least: tuple[float, float],
+) -> np.ndarray:
+    """As `_apart`, of ends (T, 2), their vertices (T,) and the joints (T,) that they were torn from."""
+    ends, places, joints = which
+    strut = ends[:, 0]
     rods = drawn(problem, state, stage.pieces)
-    gap = rods.joints[torn.planned :] - rods.joints[torn.joints]
-    pairs = np.stack([torn.planned + np.arange(len(strut)), torn.joints], axis=1)
-    loose = covariance_between(problem.elastic, terms_of(problem, state, stage), stage.pull, pairs)
-    rise = 0.5 * np.einsum("ti,ti->t", gap, np.linalg.solve(loose, gap[:, :, None])[:, :, 0])
-    level = level_of(problem, state, stage)
-    white = presence.strut_whiteness(rods, level)[strut]
-    off = presence.outline_misfit(rods, level)
+    gap = rods.joints[places] - rods.joints[joints]
     length = bezier.arc_length(rods.control_points[strut])
     planned = bezier.arc_length(problem.frame.control_points[strut])
     radius = state.pose.radius[strut]
-    return np.asarray(
-        (np.linalg.norm(gap, axis=1) > least[0] * radius)
-        & (rise > least[1] * scale_of(problem, stage))
-        & (white > WHITE)
-        & (off[strut] < max(BESIDE, APART * float(np.median(off))))
-        & (np.abs(length - planned) < np.maximum(STRETCH * planned, radius))
-    )
+    asks = np.linalg.norm(gap, axis=1) > least[0] * radius
+    asks &= np.abs(length - planned) < np.maximum(STRETCH * planned, radius)
+    if not asks.any():  # what the pictures say takes longer
+        return np.asarray(asks)
+    level = level_of(problem, state, stage)
+    off = presence.outline_misfit(rods, level)
+    asks &= presence.strut_whiteness(rods, level)[strut] > WHITE
+    asks &= off[strut] < max(BESIDE, APART * float(np.median(off)))
+    if not asks.any():
+        return np.asarray(asks)
+    pairs = np.stack([places, joints], axis=1)
+    loose = covariance_between(problem.elastic, terms_of(problem, state, stage), stage.pull, pairs)
+    rise = 0.5 * np.einsum("ti,ti->t", gap, np.linalg.solve(loose, gap[:, :, None])[:, :, 0])
+    return np.asarray(asks & (rise > least[1] * scale_of(problem, stage)))

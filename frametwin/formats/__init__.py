@@ -19,6 +19,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from frametwin.errors import InputError
 from frametwin.files import PathLike, parse_json, read_text
 from frametwin.formats import assembly, compas_graph, dxf, frame_json, mesh, obj, rhino, rl3dp
@@ -145,9 +147,19 @@ def _read_json(path: Path) -> Wireframe:
     return frame_json.parse(data, path)
 
 
-def write_frame(path: PathLike, wireframe: Wireframe) -> None:
+def write_frame(path: PathLike, wireframe: Wireframe, curves: np.ndarray | None = None) -> None:
     """Write a wireframe; the suffix of ``path`` names the format: ``.json`` keeps everything, ``.obj`` the
     shape.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wireframe
+        The frame.
+    curves : (E, n + 1, 3) array, mm, optional
+        Its struts by curves of a higher degree, such as `frametwin.twin.twin.Twin.curves`, for formats that can draw
+        them: a ``.json`` has cubics alone, those of ``wireframe``.
 
     Raises
     ------
@@ -158,6 +170,6 @@ def write_frame(path: PathLike, wireframe: Wireframe) -> None:
     if suffix == ".json":
         frame_json.write(path, wireframe)
     elif suffix == ".obj":
-        obj.write(path, wireframe)
+        obj.write(path, wireframe, curves=curves)
     else:
         raise InputError.at(path, "file", f"frames are not written as '{suffix}'", "name it .json or .obj")

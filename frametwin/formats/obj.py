@@ -146,24 +146,36 @@ def _face_edges(faces: list[tuple[int, list[int]]], merged: np.ndarray) -> list[
     return [list(key) for key in seen]
 
 
-def write(path: PathLike, frame: Wireframe, unit: str = "mm") -> None:
+def write(path: PathLike, frame: Wireframe, unit: str = "mm", curves: np.ndarray | None = None) -> None:
     """Write the struts as ``l`` lines: two vertices for a straight strut, a polyline for a curved one.
 
-    Radius, print state and batches have no place in this format. ``unit`` is what a comment calls the frame's lengths.
+    Radius, print state and batches have no place in this format.
+
+    Parameters
+    ----------
+    path
+        The file.
+    frame
+        The frame.
+    unit
+        What a comment calls its lengths.
+    curves : (E, n + 1, 3) array, optional
+        Its struts by curves of a higher degree, such as a twin's; those of ``frame`` by default.
 
     Raises
     ------
     InputError
         If the file cannot be written.
     """
+    curves = frame.control_points if curves is None else curves
     words = frame.name.replace("\\", " ").split()  # of one line: readers take a last backslash for a line that goes on
     lines = [f"# {' '.join(words)}: {frame.strut_count} struts, {unit}, z up", f"o {'_'.join(words) or 'frame'}"]
     lines += [_vertex_line(point) for point in frame.vertices]
     count = frame.vertex_count
     u = np.linspace(0.0, 1.0, CURVE_SEGMENTS + 1)[1:-1]
     struts = []
-    straight = is_straight(frame.control_points, ROUNDING * frame.chord_lengths)
-    for (a, b), curve, plain in zip(frame.edges.tolist(), frame.control_points, straight, strict=True):
+    straight = is_straight(curves, ROUNDING * frame.chord_lengths)
+    for (a, b), curve, plain in zip(frame.edges.tolist(), curves, straight, strict=True):
         chain = [a + 1]
         if not plain:
             lines += [_vertex_line(point) for point in bezier.evaluate(curve, u)]

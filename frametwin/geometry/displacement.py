@@ -10,8 +10,14 @@ SAMPLES = 30
 """Intervals of the curve parameter in which the largest displacement is looked for first."""
 
 
+def curve_change(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """The curves of displacement, at equal parameter, between two sets of curves of any two degrees, in mm."""
+    degree = max(before.shape[-2], after.shape[-2]) - 1
+    return bezier.elevate(after, degree) - bezier.elevate(before, degree)
+
+
 def strut_displacements(change: np.ndarray, intervals: int = SAMPLES) -> np.ndarray:
-    """(E,) largest length in mm of each of the cubic curves ``change`` (E, 4, 3), at the ends of so many intervals."""
+    """(E,) largest length in mm of each of the curves ``change`` (E, n + 1, 3), at the ends of so many intervals."""
     u = np.arange(intervals + 1) / intervals
     return np.asarray(np.linalg.norm(bezier.evaluate(change, u), axis=2).max(axis=1))
 

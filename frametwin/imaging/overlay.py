@@ -37,7 +37,7 @@ CHORDS = 24
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Curves (E, 4, 3) in mm that are drawn in one colour, ``width`` pixels wide, under one name.
+    """Curves (E, n + 1, 3) in mm that are drawn in one colour, ``width`` pixels wide, under one name.
 
     Where lines are drawn thinner, as in dense frames, this one keeps at least ``least`` pixels.
     """
@@ -50,7 +50,7 @@ class Layer:
 
 
 def layers_of(plan: np.ndarray, truth: np.ndarray | None = None, twin: np.ndarray | None = None) -> tuple[Layer, ...]:
-    """The usual layers, from the lowest to the highest, for curves (E, 4, 3) in mm."""
+    """The usual layers, from the lowest to the highest, for curves (E, n + 1, 3) in mm."""
     layers = [] if truth is None else [Layer("truth", truth, TRUTH, 6.5)]
     layers.append(Layer("plan", plan, PLAN, 3.0))
     return (*layers, *([] if twin is None else [Layer("twin", twin, TWIN, 1.5, least=1.1)]))

@@ -115,6 +115,7 @@ def refine_view_masks(
     twin: Wireframe,
     cameras: Sequence[Camera] | None = None,
     margin: float = MARGIN,
+    curves: np.ndarray | None = None,
 ) -> list[ViewMask]:
     """The masks of photographs once more, about a twin that is right to within a margin in mm.
 
@@ -131,14 +132,16 @@ def refine_view_masks(
         Of all views, without distortion, where they were found to be; by default where the capture has them.
     margin
         By how many mm the twin may be off.
+    curves
+        (E, n + 1, 3) mm, of its struts, where they are of a higher degree; those of ``twin`` by default.
     """
     chosen = [i for i, mask in enumerate(masks) if mask.photo is not None and mask.used]
     known = cameras or [view.camera.without_distortion() for view in capture.views]
-    drawn = silhouettes(twin, [known[i] for i in chosen], supersampling=3) if chosen else []
+    drawn = silhouettes(twin, [known[i] for i in chosen], supersampling=3, curves=curves) if chosen else []
     refined = list(masks)
     with ThreadPoolExecutor(_WORKERS) as pool:
         waiting = [
-            pool.submit(_refined, masks[i], twin, known[i], silhouette.astype(np.float32) / 255.0, margin)
+            pool.submit(_refined, masks[i], twin, known[i], silhouette.astype(np.float32) / 255.0, margin, curves)
             for i, silhouette in zip(chosen, drawn, strict=True)
         ]
         for i, job in zip(chosen, waiting, strict=True):
@@ -147,24 +150,35 @@ def refine_view_masks(
 
 
 def settled_view_masks(
-    capture: Capture, masks: Sequence[ViewMask], twin: Wireframe, cameras: Sequence[Camera] | None = None
+    capture: Capture,
+    masks: Sequence[ViewMask],
+    twin: Wireframe,
+    cameras: Sequence[Camera] | None = None,
+    curves: np.ndarray | None = None,
 ) -> list[ViewMask]:
     """The masks of photographs about a twin as a fit sees them last; see `refine_view_masks`.
 
     The first look about a twin only tells how far out of focus a photograph is, and finds its print once more without
     the twin. The second looks about it.
     """
-    seen = refine_view_masks(capture, masks, twin, cameras)
+    seen = refine_view_masks(capture, masks, twin, cameras, curves=curves)
     told = [after.blur > 0.0 and before.blur == 0.0 for before, after in zip(masks, seen, strict=True)]
     if not any(told):
         return seen
-    again = refine_view_masks(capture, seen, twin, cameras)
+    again = refine_view_masks(capture, seen, twin, cameras, curves=curves)
     return [new if just else old for new, old, just in zip(again, seen, told, strict=True)]
 
 
-def _refined(mask: ViewMask, twin: Wireframe, camera: Camera, silhouette: np.ndarray, margin: float) -> ViewMask:
+def _refined(
+    mask: ViewMask,
+    twin: Wireframe,
+    camera: Camera,
+    silhouette: np.ndarray,
+    margin: float,
+    curves: np.ndarray | None,
+) -> ViewMask:
     scale = 0.0 if mask.photo is None else mask.photo.neighbourhood.pixels_per_mm
-    normals = surface_normals(twin, camera, max(LEAST_REACH, REACH * margin * scale))
+    normals = surface_normals(twin, camera, max(LEAST_REACH, REACH * margin * scale), curves)
     return refined_mask(mask, silhouette, margin, normals)
 
 

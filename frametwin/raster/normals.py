@@ -69,7 +69,9 @@ def _turn(pixels, depth, radius, across, facing, reach, beyond, nearest, normals
                         ) + ahead * ((1.0 - t) * facing[strut, k, e] + t * facing[strut, k + 1, e])
 
 
-def surface_normals(frame: Wireframe, camera: Camera, reach: float = 0.0) -> np.ndarray:
+def surface_normals(
+    frame: Wireframe, camera: Camera, reach: float = 0.0, curves: np.ndarray | None = None
+) -> np.ndarray:
     """Normals of a frame's printed struts at each pixel of a view.
 
     Parameters
@@ -80,6 +82,8 @@ def surface_normals(frame: Wireframe, camera: Camera, reach: float = 0.0) -> np.
         Without lens distortion.
     reach : pixels
         How far beyond their outlines the struts' rims are carried on.
+    curves
+        (E, n + 1, 3) mm, where the struts are, such as `Twin.curves`; those of ``frame`` by default.
 
     Returns
     -------
@@ -87,8 +91,8 @@ def surface_normals(frame: Wireframe, camera: Camera, reach: float = 0.0) -> np.
         Unit vectors in the world, 0 where no strut is.
     """
     steps = np.linspace(0.0, 1.0, CHORDS + 1)
-    curves = frame.control_points[frame.printed]
-    points = np.einsum("jk,ekx->ejx", bezier.bernstein(3, steps), curves)
+    curves = (frame.control_points if curves is None else curves)[frame.printed]
+    points = np.einsum("jk,ekx->ejx", bezier.bernstein(curves.shape[1] - 1, steps), curves)
     normals = np.zeros((camera.height, camera.width, 3), dtype=np.float32)
     if not len(points):
         return normals

@@ -35,6 +35,8 @@ class Level:
     spread : s of the rods in pixels, sqrt(1/12 + blur^2).
     target : (pixels,) float32.
     lens : (N,) blur in pixels of this size that each picture had from its lens; ``None`` for sharp pictures.
+    behind : (pixels,) float32 share of the background that is seen through struts that are not drawn anew here, before
+        the lens has blurred them; ``None`` for none.
     kept : what was last drawn here, so that it need not be drawn again; see `frametwin.raster.rods`.
     """
 
@@ -44,6 +46,7 @@ class Level:
     spread: float
     target: np.ndarray
     lens: np.ndarray | None = None
+    behind: np.ndarray | None = None
     kept: dict[str, tuple[tuple[np.ndarray, ...], np.ndarray]] = field(init=False, repr=False, default_factory=dict)
 
     @property

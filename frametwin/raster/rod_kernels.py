@@ -45,6 +45,12 @@ HIDDEN = 2e-3
 CHUNK = 256
 """Pixels that are worked on together."""
 
+LANES = 16
+"""Of them, numbers that fill vector registers. It divides `CHUNK`."""
+
+NOWHERE = 1e6
+"""Pixels off a centreline where nothing of a rod is seen."""
+
 F = np.float32
 
 _HEIGHT = 1.0 / sqrt(2.0 * pi)
@@ -379,35 +385,43 @@ def _normal32(z):
     return (F(1.0) - tail if z > F(0.0) else tail), density
 
 
+@nb.njit(cache=True, fastmath=True)
+def _padded(count, seen):
+    """A number of pixels that fills vector registers, with as many behind the first ``count`` as are missing: black and
+    far off, where nothing is covered. What is left over of a loop in registers takes as long as all the rest."""
+    whole = (count + LANES - 1) // LANES * LANES
+    for i in range(count, whole):
+        seen[0, i], seen[1, i], seen[2, i], seen[3, i] = F(NOWHERE), F(0.0), F(1.0), F(0.0)
+    return whole
+
+
 @nb.njit(cache=True, fastmath=True, error_model="numpy")
-def _add_moments(count, index, place, transmittance, residual, radius, alpha, unit, spread, sums):
-    """Add to the sums of `_gather_edge` what ``count`` pixels say: index (CHUNK,) where they are in the pictures, and
-    place (2, CHUNK) how far across the piece, in pixels, and which share along it."""
-    across, along = place[0], place[1]
+def _add_moments(count, seen, radius, alpha, unit, spread, sums):
+    """Add to the sums of `_gather_edge` what ``count`` pixels say, of each of which seen (4, CHUNK) has how far across
+    the piece it is, in pixels, which share along it, and its transmittance and residual."""
+    across, along, through, residual = seen[0], seen[1], seen[2], seen[3]
     r, one, inverse = F(radius), F(1.0), F(1.0 / spread)
     opacity, share, wide = F(alpha), F(alpha / spread), F(alpha * unit / spread)
-    aa, ab, bb, rr = 0.0, 0.0, 0.0, 0.0
+    aa, ab, bb, rr = F(0.0), F(0.0), F(0.0), F(0.0)
     a, b, c = F(0.0), F(0.0), F(0.0)
-    for i in range(count):
-        u, t = across[i], along[i]
+    for i in range(_padded(count, seen)):
+        u = across[i]
         inside, near = _normal32((r - u) * inverse)
         beyond, far = _normal32((-r - u) * inverse)
         covered = min(opacity * (inside - beyond), F(OPAQUE))
-        others = min(transmittance[index[i]] / (one - covered), one)
+        others = min(through[i] / (one - covered), one)
         others = others if others >= F(HIDDEN) else F(0.0)
         by_place = others * share * (far - near)
         by_radius = others * wide * (near + far)
-        before = one - t
-        at_p, at_q, thicker = float(by_place * before), float(by_place * t), float(by_radius)
+        at_q = by_place * along[i]
+        at_p = by_place - at_q
         aa += at_p * at_p
         ab += at_p * at_q
         bb += at_q * at_q
-        gap = residual[index[i]]
-        pull = gap * by_place
-        a += pull * before
-        b += pull * t
-        rr += thicker * thicker
-        c += gap * by_radius
+        a += residual[i] * at_p
+        b += residual[i] * at_q
+        rr += by_radius * by_radius
+        c += residual[i] * by_radius
     sums[0] += aa
     sums[1] += ab
     sums[2] += bb
@@ -433,15 +447,14 @@ def _gather_edge(
     edges,
     transmittance,
     residual,
-    index,
-    place,
+    seen,
     sums,
 ):
     """Moments over the pixels of one piece, into sums: (1-t)^2 w, t(1-t) w, t^2 w, (1-t) g, t g, and for the
     radius w and g, with w the squared and g the residual-weighted derivative of the picture.
 
-    Rows are too short for vector registers, so that the pixels of several are gone through together; index and place
-    are room for them, see `_add_moments`.
+    Rows are too short for vector registers, so that the pixels of several are gone through together; ``seen`` is room
+    for them, see `_add_moments`.
     """
     for i in range(7):
         sums[i] = 0.0
@@ -472,15 +485,16 @@ def _gather_edge(
                 last = min(last, flat_left)
             first = count - left
             for i in range(left, last):
-                index[first + i] = at + i
-                place[0, first + i] = u - ty * i
-                place[1, first + i] = t + tx / length * i
+                seen[0, first + i] = u - ty * i
+                seen[1, first + i] = t + tx / length * i
+                seen[2, first + i] = transmittance[at + i]
+                seen[3, first + i] = residual[at + i]
             count += last - left
             left = last
             if count == CHUNK:
-                _add_moments(count, index, place, transmittance, residual, r, alpha, unit, spread, sums)
+                _add_moments(count, seen, r, alpha, unit, spread, sums)
                 count = 0
-    _add_moments(count, index, place, transmittance, residual, r, alpha, unit, spread, sums)
+    _add_moments(count, seen, r, alpha, unit, spread, sums)
     return True
 
 
@@ -495,6 +509,7 @@ def gather_struts(
     spreads,
     transmittance,
     residual,
+    order,
     basis,
     hessian,
     gradient,
@@ -509,13 +524,17 @@ def gather_struts(
     and widths (E, P, 2), curvature and slope by each piece's radius, are overwritten. S is 1 for the sum over all
     views, or their number for each by itself. Pixels that several struts cover couple them only through the
     transmittance; the small cross terms are left out.
+
+    Struts are gone through in ``order`` (E,): where those that follow each other are near each other, the pixels that
+    they cover are still at hand.
     """
     single = hessian.shape[1] == 1
     pieces = points.shape[1] - 1
-    for k in nb.prange(points.shape[0]):
+    for n in nb.prange(points.shape[0]):
+        k = order[n]
         line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
         sums = np.empty(7)
-        index, place = np.empty(CHUNK, dtype=np.int32), np.empty((2, CHUNK), dtype=np.float32)
+        seen = np.empty((4, CHUNK), dtype=np.float32)
         pull_a, pull_b = np.empty(3), np.empty(3)
         slope = np.zeros((pieces + 1, 3))
         own = np.zeros((pieces + 1, 3, 3))
@@ -552,8 +571,7 @@ def gather_struts(
                     edges,
                     transmittance,
                     residual,
-                    index,
-                    place,
+                    seen,
                     sums,
                 ):
                     continue
@@ -665,16 +683,40 @@ def gather_joints(
                     )
 
 
+@nb.njit(cache=True, fastmath=True, error_model="numpy")
+def _add_evidence(count, seen, radius, alpha, spread, sums):
+    """Add to the sums of `gather_opacity` what ``count`` pixels say, as `_add_moments` takes them."""
+    across, through, residual = seen[0], seen[2], seen[3]
+    r, opacity, inverse, one, core = F(radius), F(alpha), F(1.0 / spread), F(1.0), F(REACH)
+    weight, slope = F(0.0), F(0.0)
+    for i in range(_padded(count, seen)):
+        u = abs(across[i])
+        inside, _ = _normal32(min((r - u) * inverse, core))
+        beyond, _ = _normal32((-r - u) * inverse)
+        c = inside - beyond
+        others = min(through[i] / (one - min(opacity * c, F(OPAQUE))), one)
+        plain = c * others if others >= F(HIDDEN) else F(0.0)
+        weight += plain * plain
+        slope += residual[i] * plain
+    sums[0] += weight
+    sums[1] += slope
+
+
 @nb.njit(parallel=True, cache=True, fastmath=True)
-def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spreads, transmittance, residual, evidence):
+def gather_opacity(
+    points, radius, opacity, cameras, shapes, offsets, spreads, transmittance, residual, order, evidence
+):
     """What the pictures say of each piece's presence.
 
     evidence (E, P, 2), out: the squared weight W = sum (T_others c)^2 and the slope sum residual T_others c, so
     that opacity - slope / W is the least-squares opacity and W, in pixels, how much of the piece is in plain view.
+    Struts are gone through in ``order`` (E,), as by `gather_struts`.
     """
     pieces = points.shape[1] - 1
-    for k in nb.prange(points.shape[0]):
+    for n in nb.prange(points.shape[0]):
+        k = order[n]
         line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
+        seen, sums = np.empty((4, CHUNK), dtype=np.float32), np.empty(2)
         for p in range(pieces):
             evidence[k, p, 0] = 0.0
             evidence[k, p, 1] = 0.0
@@ -695,18 +737,22 @@ def gather_opacity(points, radius, opacity, cameras, shapes, offsets, spreads, t
                 reach = r + REACH * spread
                 _edges(a, b, cuts[p], cuts[p + 1], tx, ty, length, r, reach, edges)
                 top, bottom = _rows(a, b, cuts[p], cuts[p + 1], tx, ty, r, reach, height)
-                weight, slope = 0.0, 0.0
+                sums[0], sums[1], count = 0.0, 0.0, 0
                 for j in range(top, bottom + 1):
-                    y = j + 0.5 - a[1]
                     left, right = _columns(j, edges, width)
-                    at = start + j * width
-                    for i in range(left, right + 1):
-                        c = _coverage(abs(-ty * (i + 0.5 - a[0]) + tx * y), r, spread)
-                        through = transmittance[at + i]
-                        others = min(through / (1.0 - min(opacity[k, p] * c, OPAQUE)), 1.0)
-                        if others < HIDDEN:
-                            continue
-                        weight += (others * c) ** 2
-                        slope += residual[at + i] * others * c
-                evidence[k, p, 0] += weight
-                evidence[k, p, 1] += slope
+                    at, u = start + j * width, tx * (j + 0.5 - a[1]) - ty * (0.5 - a[0])
+                    while left <= right:
+                        last = min(right + 1, left + CHUNK - count)
+                        first = count - left
+                        for i in range(left, last):
+                            seen[0, first + i] = u - ty * i
+                            seen[2, first + i] = transmittance[at + i]
+                            seen[3, first + i] = residual[at + i]
+                        count += last - left
+                        left = last
+                        if count == CHUNK:
+                            _add_evidence(count, seen, r, opacity[k, p], spread, sums)
+                            count = 0
+                _add_evidence(count, seen, r, opacity[k, p], spread, sums)
+                evidence[k, p, 0] += sums[0]
+                evidence[k, p, 1] += sums[1]

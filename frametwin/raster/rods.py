@@ -113,6 +113,10 @@ KEPT = 4_000_000
 """Most pixels of a level whose last drawing is kept: the stages of a fit ask for one and the same several times."""
 
 
+MORTON = 5
+"""Halvings of a frame's longest side that tell which struts are near each other."""
+
+
 def _drawing(rods: Rods) -> tuple[np.ndarray, ...]:
     """All that a drawing depends on, as the kernels take it; the polylines follow from the first."""
     return (
@@ -142,8 +146,17 @@ def transmittance(rods: Rods, level: Level) -> np.ndarray:
     found = _kept(level, "transmittance", drawing)
     if found is not None:
         return found
+    result = sharp_transmittance(rods, level)
+    level.defocus(result)
+    if result.size <= KEPT:
+        level.kept["transmittance"] = (drawing, result)
+    return result
+
+
+def sharp_transmittance(rods: Rods, level: Level) -> np.ndarray:
+    """The same before lenses that blur by more than a strut's edge have done so."""
     result = np.empty_like(level.target)
-    _, radius, opacity, joints, joint_radius = drawing
+    _, radius, opacity, joints, joint_radius = _drawing(rods)
     rod_kernels.render(
         rods.points(),
         radius,
@@ -156,9 +169,9 @@ def transmittance(rods: Rods, level: Level) -> np.ndarray:
         level.drawn_spreads,
         result,
     )
-    level.defocus(result)
-    if result.size <= KEPT:
-        level.kept["transmittance"] = (drawing, result)
+    if level.behind is not None:
+        np.multiply(result, level.behind, out=result)
+        np.maximum(result, np.float32(rod_kernels.DARK), out=result)
     return result
 
 
@@ -217,10 +230,24 @@ def _gather(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray,
     view = (level.cameras, level.shapes, level.offsets, level.spreads, through, residual)
     radius = np.ascontiguousarray(rods.radius, dtype=np.float64)
     opacity = np.ascontiguousarray(rods.opacity, dtype=np.float64)
-    rod_kernels.gather_struts(points, radius, opacity, *view, basis(pieces), hessian, gradient, widths)
+    order = _neighbours_together(rods.control_points)
+    rod_kernels.gather_struts(points, radius, opacity, *view, order, basis(pieces), hessian, gradient, widths)
     joints = np.ascontiguousarray(rods.joints, dtype=np.float64)
     rod_kernels.gather_joints(joints, rods.joint_radius(), *view, joint_hessian, joint_gradient, joint_widths)
     return hessian, gradient, joint_hessian, joint_gradient, widths, joint_widths
+
+
+def _neighbours_together(control_points: np.ndarray) -> np.ndarray:
+    """(E,) array of int: struts so that those which follow each other are near each other, along a Morton curve."""
+    if not len(control_points):
+        return np.zeros(0, dtype=np.int64)
+    middle = control_points.mean(axis=1)
+    low = middle.min(axis=0)
+    cells = 2**MORTON / max(float((middle.max(axis=0) - low).max()), 1e-12)
+    cell = np.minimum((cells * (middle - low)).astype(np.int64), 2**MORTON - 1)
+    bits = (cell[:, None, :] >> np.arange(MORTON)[:, None]) & 1
+    code = (bits << (3 * np.arange(MORTON)[:, None] + np.arange(3))).sum(axis=(1, 2))
+    return np.argsort(code, kind="stable")
 
 
 def opacity_terms(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -236,6 +263,7 @@ def opacity_terms(rods: Rods, level: Level, through: np.ndarray, residual: np.nd
         level.spreads,
         through,
         residual,
+        _neighbours_together(rods.control_points),
         evidence,
     )
     return evidence

@@ -99,6 +99,7 @@ def silhouettes(
     thickness: np.ndarray | None = None,
     supersampling: int = 1,
     progress: ProgressCallback | None = None,
+    curves: np.ndarray | None = None,
 ) -> list[np.ndarray]:
     """Pictures of the printed struts, white on black.
 
@@ -116,6 +117,8 @@ def silhouettes(
         Samples along each side of a pixel. With 1 the picture holds 0 and 255 only.
     progress
         Called once a view; can cancel.
+    curves
+        (E, n + 1, 3) mm, where the struts are, such as `Twin.curves`; those of ``frame`` by default.
 
     Returns
     -------
@@ -128,7 +131,8 @@ def silhouettes(
     Cancelled
         If ``progress`` says so.
     """
-    starts, ends, radius = _pieces(frame, present, thickness)
+    curves = frame.control_points if curves is None else curves
+    starts, ends, radius = _pieces(frame, curves, present, thickness)
     pictures = []
     for i, camera in enumerate(cameras):
         report(progress, Progress("silhouettes", i, len(cameras)))
@@ -151,14 +155,14 @@ def silhouettes(
 
 
 def _pieces(
-    frame: Wireframe, present: np.ndarray | None, thickness: np.ndarray | None
+    frame: Wireframe, curves: np.ndarray, present: np.ndarray | None, thickness: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Straight pieces (S, 3), (S, 3) and the radii (S, 2) at their ends."""
     interval = np.tile([0.0, 1.0], (frame.strut_count, 1)) if present is None else np.asarray(present, dtype=float)
     radii = np.repeat(frame.radius[:, None], 2, axis=1) if thickness is None else np.asarray(thickness, dtype=float)
     there = frame.printed & (interval[:, 1] > interval[:, 0])
-    control, interval, radii = frame.control_points[there], interval[there], radii[there]
-    chords = np.linalg.norm(control[:, 3] - control[:, 0], axis=1)
+    control, interval, radii = curves[there], interval[there], radii[there]
+    chords = np.linalg.norm(control[:, -1] - control[:, 0], axis=1)
     straight = is_straight(control, ROUNDING * chords, even=True)
     even = np.ptp(radii, axis=1) == 0.0
     kinks = np.linspace(0.0, 1.0, radii.shape[1])
@@ -174,7 +178,7 @@ def _pieces(
         u = low + share * (high - low)  # (S, count + 1)
         # A piece ends wherever the radius bends; pieces of no length do no harm.
         u = np.sort(np.concatenate([u, np.clip(np.broadcast_to(corners, (len(u), corners.size)), low, high)], axis=1))
-        basis = bezier.bernstein(3, u.ravel()).reshape(*u.shape, 4)
+        basis = bezier.bernstein(control.shape[1] - 1, u.ravel()).reshape(*u.shape, control.shape[1])
         points = np.einsum("sjb,sbx->sjx", basis, control[chosen])
         radius = radii_at(radii[chosen], u)
         starts.append(points[:, :-1].reshape(-1, 3))

@@ -70,7 +70,7 @@ def read_views(capture: Capture, progress: ProgressCallback | None = None) -> li
 
 
 def view_content(views: Sequence[SeenView], curves: np.ndarray, width: int) -> list[dict[str, Any]]:
-    """Every view cut out about curves (E, 4, 3), at most ``width`` pixels wide, as for the page."""
+    """Every view cut out about curves (E, n + 1, 3), at most ``width`` pixels wide, as for the page."""
     told = []
     for view in views:
         pixels = _visible(view.camera, curves.reshape(-1, 3))
@@ -86,7 +86,7 @@ def crop_content(views: Sequence[SeenView], curves: np.ndarray, struts: Sequence
     ----------
     views
         The ones to choose from.
-    curves : (E, 4, 3) array, mm
+    curves : (E, n + 1, 3) array, mm
         What stands: it may hide the struts.
     struts
         Which to show.
@@ -117,7 +117,7 @@ def _crops(views: Sequence[SeenView], curve: np.ndarray, shares: Sequence[float]
 
 
 def seen_shares(camera: Camera, curves: np.ndarray, struts: Sequence[int]) -> np.ndarray:
-    """(N,) share of each of ``struts`` that no strut of ``curves`` (E, 4, 3) hides from a camera.
+    """(N,) share of each of ``struts`` that no strut of ``curves`` (E, n + 1, 3) hides from a camera.
 
     Struts are painted from the furthest to the nearest as thin lines with their number; what is left of one is seen.
     """

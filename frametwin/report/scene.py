@@ -32,8 +32,8 @@ class Scene:
         What it is called where there are several.
     plan : Wireframe
         What displacements are counted from, ``printed`` marking what is shown.
-    curves : (E, 4, 3) array, mm
-        Where the struts are.
+    curves : (E, n + 1, 3) array, mm
+        Where the struts are; n is above 3 where one is bent as no cubic can be.
     quantities : mapping of str to (E,) array
         Figures of each strut by name, NaN where there is none.
     marks : mapping of str to (N,) array
@@ -52,7 +52,7 @@ class Scene:
     @classmethod
     def of_twin(cls, label: str, plan: Wireframe, twin: Twin, errors: Errors | None = None) -> Scene:
         """The scene of a twin, its printed struts those of ``plan``."""
-        quantities = {"displacement": strut_displacements(twin.control_points - plan.control_points, SAMPLES)}
+        quantities = {"displacement": strut_displacements(twin.change_from(plan), SAMPLES)}
         if errors is not None:
             quantities |= {"error": errors.strut_max, "error_mean": errors.strut_mean}
         if twin.sigma_across is not None and twin.sigma_along is not None:
@@ -63,7 +63,7 @@ class Scene:
         if torn:
             quantities["gap"] = twin.gap.max(axis=1) if twin.gap is not None else np.full(plan.strut_count, np.nan)
             marks["torn"] = np.unique([strut for strut, _, _ in torn])
-        return cls(label, plan, twin.control_points, quantities, marks, torn)
+        return cls(label, plan, twin.curves, quantities, marks, torn)
 
     def content(self, *, with_plan: bool = True) -> dict[str, Any]:
         """As for the page: printed struts by number, their curves, and their figures.
@@ -78,6 +78,7 @@ class Scene:
             "label": self.label,
             "struts": struts.tolist(),
             "curves": floats(self.curves[struts]),
+            "degree": self.curves.shape[1] - 1,
             "quantities": {name: numbers(values[struts]) for name, values in self.quantities.items()},
             "marks": {name: values.tolist() for name, values in self.marks.items()},
             "torn": [[strut, side, None if np.isnan(gap) else round(gap, DIGITS)] for strut, side, gap in self.torn],

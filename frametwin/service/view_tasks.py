@@ -61,7 +61,8 @@ def compare(
     masks = read_view_masks(content, cast(Method, mask), ignore=ignore, require=False, progress=progress)
     cameras = as_found([view.camera.without_distortion() for view in content.views], twin.cameras)
     thickness = np.where(twin.opacity >= THERE, twin.thickness, 0.0)
-    drawn = silhouettes(twin.as_wireframe(frame), cameras, thickness=thickness, progress=progress)
+    shape = twin.as_wireframe(frame)
+    drawn = silhouettes(shape, cameras, thickness=thickness, progress=progress, curves=twin.curves)
     told = []
     with staged_directory(out, False) as stage:
         for kind in (OUTLINE, DIFFERENCE):

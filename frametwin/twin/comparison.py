@@ -58,8 +58,8 @@ def compare_struts(before: np.ndarray, after: np.ndarray, comparable: np.ndarray
 
     Parameters
     ----------
-    before, after : (E, 4, 3) array, mm
-        Control points of the same struts.
+    before, after : (E, n + 1, 3) array, mm
+        Control points of the same struts; the degrees may differ.
     comparable : (E,) bool array
         Which of them are known on both sides; all by default.
     """

@@ -14,6 +14,7 @@ import numpy as np
 from frametwin.arrays import checked_array
 from frametwin.errors import InputError
 from frametwin.files import PathLike, check_format, read_json, write_json
+from frametwin.geometry.displacement import curve_change
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.bent import bent_as_records, bent_from_records, checked_bent, curves_with
 from frametwin.twin.verdict import Verdict
@@ -42,8 +43,8 @@ class Twin:
     confidence
         (E,) how well the views determine the strut, 0 or more.
     sigma_across, sigma_along
-        (E,) standard deviation of the strut's ``control_points`` across and along itself in mm; ``None`` where nothing
-        is known of it.
+        (E,) standard deviation of the strut's curve (see `curves`) across and along itself in mm; ``None`` where
+        nothing is known of it.
     joint_radius
         (V,) radius of the material at each joint in mm; ``None`` likewise.
     attached
@@ -159,6 +160,10 @@ class Twin:
         """(E, n + 1, 3) array, mm: the curves at the highest degree of any strut, 3 where none is `bent`."""
         return curves_with(self.control_points, self.bent)
 
+    def change_from(self, frame: Wireframe) -> np.ndarray:
+        """(E, n + 1, 3) array, mm: curves of the displacement of each strut from the plan ``frame``."""
+        return curve_change(frame.control_points, self.curves)
+
     def replace(self, **changes: Any) -> Twin:
         """A copy with other values in some fields, checked anew.
 
@@ -172,7 +177,7 @@ class Twin:
         return dataclasses.replace(self, **changes)
 
     def as_wireframe(self, frame: Wireframe) -> Wireframe:
-        """Give the plan ``frame`` the twin's curves.
+        """Give the plan ``frame`` the twin's curves, and those of `bent` struts the cubics nearest to them.
 
         Ends that are torn off their joints get vertices of their own after those of the plan.
 

@@ -118,7 +118,7 @@ def test_the_distance_from_the_plan_is_that_to_its_nearest_point() -> None:
 
 def test_a_bent_strut_is_compared_with_its_bent_plan(rich_frame: Wireframe) -> None:
     twin = shifted(rich_frame, [1.0, 2.0, -3.0])
-    sampling = twin_sampling(twin, np.array([3]))
+    sampling = twin_sampling(twin, np.array([3]), rich_frame.radius)
     found = np.abs(height_above(twin.control_points, rich_frame.control_points, sampling))
     point, _ = sampling.points(twin.control_points)
     fine = bezier.evaluate(rich_frame.control_points, np.linspace(0.0, 1.0, 4001))

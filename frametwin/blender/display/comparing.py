@@ -68,9 +68,10 @@ def compare_twins(before: TwinObjects, after: TwinObjects) -> Compared:
     old, new = before.frame(), after.frame()
     check_comparable(old, new, before.collection.name)
     there = _whole(before) & _whole(after)
-    comparison = compare_struts(old.control_points, new.control_points, there)
+    old_curves, new_curves = before.curves(), after.curves()
+    comparison = compare_struts(old_curves, new_curves, there)
     store_column(after.collection, StrutValues(DIFFERENCE, "mm", comparison.of_strut))
-    _write_distances(after.twin, np.where(there[:, None, None], old.control_points, np.nan), new.control_points)
+    _write_distances(after.twin, np.where(there[:, None, None], old_curves, np.nan), new_curves)
     return _remember(after.twin, comparison, before.collection.name, np.arange(new.strut_count))
 
 
@@ -142,7 +143,7 @@ def comparison_of(obj: bpy.types.Object) -> Compared | None:
 
 
 def _write_distances(obj: bpy.types.Object, before: np.ndarray, after: np.ndarray) -> None:
-    """Write the distance of an object's points on curves ``after`` (E, 4, 3) from ``before``, NaN where that is NaN."""
+    """Write the distance of an object's points on curves (E, n + 1, 3) from others such; NaN where those are."""
     sampling = Sampling.of(np.diff(first_points(obj.data)) - 1)
     known = np.isfinite(before[:, 0, 0])[sampling.strut]
     point, _ = sampling.points(after)

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from frametwin.blender.display.twins import TwinObjects
-from frametwin.blender.frames.strut_curves import recorded_frame
+from frametwin.blender.frames.strut_curves import recorded_curves, recorded_frame
 from frametwin.errors import InputError
 from frametwin.files import write_text
 from frametwin.formats import obj as obj_lines
@@ -26,7 +26,8 @@ def export_twin(shown: TwinObjects, path: Path, unit: str = "mm") -> None:
     shown
         The twin. What is written is what its run holds, in double precision, wherever the object was moved to.
     path
-        ``.json`` (a frame file) or ``.obj`` (lines) for the curves; ``.csv`` for a table with a row for every strut and
+        ``.json`` (a frame file, in which struts that are bent as no cubic can be are the cubics nearest to them) or
+        ``.obj`` (lines along all curves as they are); ``.csv`` for a table with a row for every strut and
         a column for every quantity, empty where there is no value.
     unit
         Of lines, one of `frametwin.formats.frame_json.UNITS`; the other files are always in mm, and say so.
@@ -39,7 +40,7 @@ def export_twin(shown: TwinObjects, path: Path, unit: str = "mm") -> None:
     if path.suffix.lower() == ".csv":
         write_text(path, _table(shown))
     elif path.suffix.lower() in (".json", ".obj"):
-        _write(path, shown.frame(), unit)
+        _write(path, shown.frame(), shown.curves(), unit)
     else:
         raise InputError.at(path, "file", "is of no kind that twins are written as", "name it .json, .obj or .csv")
 
@@ -56,9 +57,10 @@ def _table(shown: TwinObjects) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _write(path: Path, frame: Wireframe, unit: str) -> None:
+def _write(path: Path, frame: Wireframe, curves: np.ndarray, unit: str) -> None:
     if path.suffix.lower() == ".obj":
-        obj_lines.write(path, scaled(frame, 1.0 / UNITS[unit]), unit)
+        factor = 1.0 / UNITS[unit]
+        obj_lines.write(path, scaled(frame, factor), unit, factor * curves)
     else:
         write_frame(path, frame)
 
@@ -73,4 +75,4 @@ def export_struts(obj: bpy.types.Object, path: Path, unit: str = "mm") -> None:
     InputError
         If it has lost them, the suffix is another one, or the file cannot be written.
     """
-    _write(path, recorded_frame(obj), unit)
+    _write(path, recorded_frame(obj), recorded_curves(obj), unit)

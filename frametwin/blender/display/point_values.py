@@ -9,7 +9,7 @@ import numpy as np
 from frametwin.blender.display.colours import State
 from frametwin.blender.display.quantities import quantity_named
 from frametwin.blender.display.statistics import StrutValues
-from frametwin.blender.frames.strut_curves import PIECES, Attribute, Sampling
+from frametwin.blender.frames.strut_curves import Attribute, Sampling, pieces_of
 from frametwin.geometry import bezier
 from frametwin.geometry.nearest import nearest_parameters
 from frametwin.geometry.wireframe import Wireframe
@@ -20,10 +20,13 @@ ALONG = ("opacity", "radius", "distance", "difference")
 """Attributes that differ along a strut; the other quantities are one number a strut."""
 
 
-def twin_sampling(twin: Twin, missing: np.ndarray) -> Sampling:
-    """Points at which a twin is shown: broken struts, by index, are cut at the ends of the twin's own pieces."""
-    pieces = np.full(twin.strut_count, PIECES)
-    pieces[missing] = twin.opacity.shape[1]
+def twin_sampling(twin: Twin, missing: np.ndarray, radius: np.ndarray) -> Sampling:
+    """Points at which a twin is shown, its struts of radius (E,) mm.
+
+    Broken struts, by index, are cut at the ends of the twin's own pieces.
+    """
+    pieces = pieces_of(twin.strut_count, twin.bent, radius)
+    pieces[missing] = np.maximum(twin.opacity.shape[1], pieces[missing])
     return Sampling.of(pieces)
 
 
@@ -47,7 +50,7 @@ def twin_attributes(
     dark[missing] = twin.opacity[missing] < DARK
     return {
         "opacity": Attribute("FLOAT", sampling.between(twin.opacity)),
-        "distance": Attribute("FLOAT", height_above(twin.control_points, frame.control_points, sampling)),
+        "distance": Attribute("FLOAT", height_above(twin.curves, frame.control_points, sampling)),
         "radius_guessed": Attribute("BOOLEAN", sampling.between(unmeasured(twin, frame.printed)) > 0.0),
         "missing": Attribute("BOOLEAN", sampling.between(dark) > 0.75),
         "state": Attribute("INT", np.where(frame.printed, State.PRINTED, State.UNPRINTED), "CURVE"),
@@ -71,7 +74,7 @@ def strut_attributes(values: Mapping[str, StrutValues]) -> dict[str, Attribute]:
 
 
 def height_above(curves: np.ndarray, plan: np.ndarray, sampling: Sampling) -> np.ndarray:
-    """(P,) mm, distance of each point of curves (E, 4, 3) from the same strut of the plan (E, 4, 3).
+    """(P,) mm, distance of each point of curves (E, n + 1, 3) from the same strut of the plan (E, 4, 3).
 
     Below 0 where the point is lower than the nearest one of the plan, as where a strut sags.
     """

@@ -42,7 +42,7 @@ def strut_values(twin: Twin, frame: Wireframe, truth: Truth | None = None) -> di
     its torn ends is from its joint, 0 for none; a twin of an older version has none of the three. Struts that are not
     printed have no value but that they are not: nobody has seen them.
     """
-    moved = np.linalg.norm(bezier.evaluate(twin.control_points - frame.control_points, _U), axis=-1)  # (E, S)
+    moved = np.linalg.norm(bezier.evaluate(twin.change_from(frame), _U), axis=-1)  # (E, S)
     columns = {
         "displacement": ("mm", moved.mean(axis=1)),
         "displacement_max": ("mm", moved.max(axis=1)),

@@ -18,7 +18,7 @@ from frametwin.blender.display.display_inputs import GHOST, SIDES, sides_for
 from frametwin.blender.display.point_values import farthest, twin_attributes, twin_sampling
 from frametwin.blender.display.statistics import StrutValues, strut_values
 from frametwin.blender.display.twin_records import load_values, store_values, store_verdict
-from frametwin.blender.frames.strut_curves import StrutCurves, recorded_frame, strut_curves_steps
+from frametwin.blender.frames.strut_curves import StrutCurves, recorded_curves, recorded_frame, strut_curves_steps
 from frametwin.blender.scene.collections import home_collection, remove_collection
 from frametwin.blender.scene.units import mm_per_unit
 from frametwin.errors import InputError
@@ -85,13 +85,13 @@ class TwinContent:
         thickness = np.where(twin.thickness > 0.0, twin.thickness, frame.radius[:, None])
         curves = twin.as_wireframe(frame).replace(radius=thickness.mean(axis=1))
         missing = missing_struts(twin, frame.printed)
-        sampling = twin_sampling(twin, missing)
+        sampling = twin_sampling(twin, missing, curves.radius)
         values = strut_values(twin, frame, truth)
         attributes = twin_attributes(twin, frame, sampling, missing, values)
         height = np.where(frame.printed, farthest(attributes["distance"].values, sampling), np.nan)
         values["distance"] = StrutValues("distance", "mm", height)
         numbers = np.arange(frame.strut_count)
-        struts = StrutCurves(curves, frame, sampling, attributes, numbers, sampling.between(thickness))
+        struts = StrutCurves(curves, frame, sampling, attributes, numbers, sampling.between(thickness), twin.bent)
         assert len(struts.points[0])  # worked out here, where a thread may do it, and not as the twin is shown
         return cls(
             frame,
@@ -159,6 +159,10 @@ class TwinObjects:
             If the object has lost it.
         """
         return recorded_frame(self.twin)
+
+    def curves(self) -> np.ndarray:
+        """(E, n + 1, 3) mm: the curves of the twin, of a higher degree where a strut is bent as no cubic can be."""
+        return recorded_curves(self.twin)
 
     def plan(self) -> Wireframe:
         """The plan of the twin; see `frame`."""

@@ -8,10 +8,11 @@ whatever became of the object.
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import bpy
+import idprop
 import numpy as np
 
 from frametwin.blender.frames.records import KEY, FrameRecord, load_record, store_record
@@ -19,13 +20,23 @@ from frametwin.blender.frames.splines import FREE
 from frametwin.blender.scene.placement import label
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.displacement import curve_change
+from frametwin.geometry.flattening import chords_needed
+from frametwin.geometry.pieces import pieces_needed
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.twin.bent import curves_with
 
 PLAN_KEY = "frametwin_plan_record"
 """Custom property of the data with the record of the plan."""
 
+BENT_KEY = "frametwin_bent"
+"""Custom property of the data with the curves of struts that are bent as no cubic can be; absent where none is."""
+
 PIECES = 4
 """Bezier pieces into which a strut is cut without a change of its shape, so that values can differ along it."""
+
+CLOSE = 0.01
+"""Radii by which the pieces of a strut that is bent as no cubic can be may be off its curve: it gets more of them."""
 
 ROUGHNESS = 0.1
 """How far the chords that are drawn may be off the curve, in radii."""
@@ -64,14 +75,15 @@ class Sampling:
         return cls(pieces, strut, (np.arange(len(strut)) - first[strut]) / pieces[strut])
 
     def points(self, control_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cut cubics (E, 4, D): points (P, D), and (P, D) from each point to its right handle.
+        """Cut curves (E, n + 1, D) into cubics: points (P, D), and (P, D) from each point to its right handle.
 
-        The left handle lies as far on the other side, since the pieces of a strut are of equal steps.
+        The left handle lies as far on the other side, since the pieces of a strut are of equal steps. Cubics keep their
+        shape; curves of a higher degree, their points and tangents.
         """
-        curves = control_points[self.strut]  # (P, 4, D)
-        point = np.einsum("pk,pkd->pd", bezier.bernstein(3, self.parameter), curves)
-        velocity = np.einsum("pk,pkd->pd", bezier.bernstein(2, self.parameter), np.diff(curves, axis=1))
-        return point, velocity / self.pieces[self.strut, None]
+        curves, degree = control_points[self.strut], control_points.shape[1] - 1  # (P, n + 1, D)
+        point = np.einsum("pk,pkd->pd", bezier.bernstein(degree, self.parameter), curves)
+        velocity = np.einsum("pk,pkd->pd", bezier.bernstein(degree - 1, self.parameter), np.diff(curves, axis=1))
+        return point, degree / 3.0 * velocity / self.pieces[self.strut, None]
 
     def between(self, values: np.ndarray) -> np.ndarray:
         """(P,) of values (E, K) in the middle of K equal parts of each strut, interpolated."""
@@ -109,6 +121,8 @@ class StrutCurves:
         (E,) the number of each strut in the frame that these were taken out of.
     radius
         (P,) mm, along the struts; that of ``frame`` by default.
+    bent
+        Curves (n + 1, 3) in mm by strut, of those that are bent as no cubic can be; see `frametwin.twin.twin.Twin`.
     """
 
     frame: Wireframe
@@ -117,6 +131,12 @@ class StrutCurves:
     attributes: Mapping[str, Attribute]
     strut: np.ndarray
     radius: np.ndarray | None = None
+    bent: Mapping[int, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def curves(self) -> np.ndarray:
+        """(E, n + 1, 3) mm, at the highest degree of any strut."""
+        return curves_with(self.frame.control_points, self.bent)
 
     @cached_property
     def points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -124,8 +144,16 @@ class StrutCurves:
 
         Worked out once, where there is time for it.
         """
-        moved = self.frame.control_points - self.plan.control_points
-        return *self.sampling.points(self.frame.control_points), *self.sampling.points(moved)
+        moved = curve_change(self.plan.control_points, self.curves)
+        return *self.sampling.points(self.curves), *self.sampling.points(moved)
+
+
+def pieces_of(struts: int, bent: Mapping[int, np.ndarray], radius: np.ndarray) -> np.ndarray:
+    """(E,) pieces of struts of radius (E,) mm: `PIECES`, and more where one is ``bent`` (n + 1, 3) and needs them."""
+    pieces = np.full(struts, PIECES)
+    for strut, curve in bent.items():
+        pieces[strut] = pieces_needed(curve, CLOSE * float(radius[strut]), PIECES)
+    return pieces
 
 
 def strut_curves_steps(
@@ -158,6 +186,8 @@ def strut_curves_steps(
             yield
         store_record(data, FrameRecord.of(content.frame, unit, content.strut))
         store_record(data, FrameRecord.of(content.plan, unit, content.strut), PLAN_KEY)
+        if content.bent:
+            data[BENT_KEY] = {str(strut): np.ravel(curve) for strut, curve in content.bent.items()}
         yield
     except BaseException:
         bpy.data.hair_curves.remove(data)
@@ -184,18 +214,17 @@ def _own_attributes(content: StrutCurves, unit: float) -> dict[str, Attribute]:
         "displacement_left": Attribute("FLOAT_VECTOR", moved - turned),
         "displacement_right": Attribute("FLOAT_VECTOR", moved + turned),
         "parameter": Attribute("FLOAT", sampling.parameter),
-        "resolution": Attribute("INT", _chords(frame, sampling), "CURVE"),
+        "resolution": Attribute("INT", _chords(content), "CURVE"),
         "strut": Attribute("INT", content.strut, "CURVE"),
         "batch": Attribute("INT", np.clip(frame.batch, -(2**31), 2**31 - 1), "CURVE"),
         "printed": Attribute("BOOLEAN", frame.printed, "CURVE"),
     }
 
 
-def _chords(frame: Wireframe, sampling: Sampling) -> np.ndarray:
+def _chords(content: StrutCurves) -> np.ndarray:
     """(E,) chords with which each piece of a strut is drawn: a bent strut takes more."""
-    bend = np.linalg.norm(np.diff(frame.control_points, n=2, axis=1), axis=-1).max(axis=1)
-    wanted = np.sqrt(0.75 * bend / (ROUGHNESS * np.maximum(frame.radius, 1e-9)))  # of the bound on a chord's error
-    return np.clip(np.ceil(wanted / sampling.pieces), 1, FINEST).astype(np.int32)
+    wanted = chords_needed(content.curves, ROUGHNESS * np.maximum(content.frame.radius, 1e-9))
+    return np.clip(np.ceil(wanted / content.sampling.pieces), 1, FINEST).astype(np.int32)
 
 
 def write_attribute(data: bpy.types.Curves, name: str, attribute: Attribute) -> None:
@@ -249,6 +278,8 @@ def lock(obj: bpy.types.Object) -> None:
 def recorded_frame(obj: bpy.types.Object, plan: bool = False) -> Wireframe:
     """The struts that an object was made to show, or their plan: mm, to the last bit, wherever the object is now.
 
+    Those that are bent as no cubic can be are the cubics nearest to them; see `recorded_curves`.
+
     Raises
     ------
     InputError
@@ -258,6 +289,21 @@ def recorded_frame(obj: bpy.types.Object, plan: bool = False) -> Wireframe:
     if record is None:
         raise InputError.at(label(obj), "struts", "are not those of a twin", "import the run again")
     return record.frame()
+
+
+def recorded_curves(obj: bpy.types.Object) -> np.ndarray:
+    """(E, n + 1, 3) mm: the curves of the struts that an object was made to show, at the highest degree of any.
+
+    Raises
+    ------
+    InputError
+        If the object was not made by `strut_curves_steps`.
+    """
+    cubics, group = recorded_frame(obj).control_points, obj.data.get(BENT_KEY)
+    if not isinstance(group, idprop.types.IDPropertyGroup):
+        return cubics
+    bent = {int(strut): np.array(points, dtype=np.float64).reshape(-1, 3) for strut, points in group.items()}
+    return curves_with(cubics, bent)
 
 
 def recorded_struts(obj: bpy.types.Object) -> np.ndarray:

@@ -87,13 +87,16 @@ def write_colmap(capture: Capture, run: Path, place: Path, settings: ExportSetti
 def write_obj(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:
     """See `frametwin.dataset.export.export_dataset`."""
     shapes: dict[str, Wireframe] = {"plan": capture.frame}
+    curves: dict[str, np.ndarray] = {}
     if capture.truth is not None:
         shapes["truth"] = capture.truth
     if (run / TWIN_FILE).is_file():
-        shapes["twin"] = read_twin(run).as_wireframe(capture.frame)
+        twin = read_twin(run)
+        shapes["twin"], curves["twin"] = twin.as_wireframe(capture.frame), settings.scale * twin.curves
     scale = np.diag([settings.scale] * 3 + [1.0])
     for name, shape in shapes.items():
-        write_frame(place / f"{name}.obj", shape if settings.scale == 1.0 else shape.transformed(scale))
+        scaled = shape if settings.scale == 1.0 else shape.transformed(scale)
+        write_frame(place / f"{name}.obj", scaled, curves.get(name))
 
 
 def write_npz(capture: Capture, run: Path, place: Path, settings: ExportSettings) -> None:

@@ -64,23 +64,52 @@ function ramp(share) {
 const css = (rgb) => `rgb(${rgb.map(Math.round).join(" ")})`;
 const MISSING = [214, 39, 60], NONE = [130, 138, 150], TORN = [150, 60, 190];
 
+/** Curves one after the other, which know their degree. */
+function curvesIn(text, degree = 3) {
+  return Object.assign(floats(text), { degree });
+}
+
 /** The scene, decoded once. */
 function opened(scene) {
   if (scene.open) return scene.open;
   const plan = scene.plan || DATA.plan;
-  plan.open = plan.open || { curves: floats(plan.curves), radius: plan.radius, edges: plan.edges };
+  plan.open = plan.open || { curves: curvesIn(plan.curves), radius: plan.radius, edges: plan.edges };
   const place = new Map(scene.struts.map((strut, i) => [strut, i]));
   const marked = {};
   for (const [name, struts] of Object.entries(scene.marks)) marked[name] = new Set(struts);
-  scene.open = { plan: plan.open, curves: floats(scene.curves), truth: scene.truth ? floats(scene.truth) : null, place, marked };
+  scene.open = { plan: plan.open, curves: curvesIn(scene.curves, scene.degree), truth: scene.truth ? curvesIn(scene.truth) : null, place, marked };
   return scene.open;
 }
 
-/** A point of the cubic curve number i among curves of twelve numbers each. */
+/** How many numbers each of the curves has. */
+const sizeOf = (curves) => 3 * (curves.degree + 1);
+
+/** Bernstein polynomials. */
+function bernstein(degree, u) {
+  let found = [1];
+  for (let n = 1; n <= degree; n++) found = Array.from({ length: n + 1 }, (_, k) => (1 - u) * (found[k] ?? 0) + u * (found[k - 1] ?? 0));
+  return found;
+}
+
+/** A point of the curve number i. */
 function pointOn(curves, i, u, out) {
-  const v = 1 - u, a = v * v * v, b = 3 * v * v * u, c = 3 * v * u * u, d = u * u * u, o = 12 * i;
-  for (let k = 0; k < 3; k++) out[k] = a * curves[o + k] + b * curves[o + 3 + k] + c * curves[o + 6 + k] + d * curves[o + 9 + k];
+  const shares = bernstein(curves.degree, u), o = sizeOf(curves) * i;
+  out.fill(0);
+  shares.forEach((share, n) => { for (let k = 0; k < 3; k++) out[k] += share * curves[o + 3 * n + k]; });
   return out;
+}
+
+/** The numbers of the curve number i, written with a higher degree. */
+function elevated(curves, i, degree) {
+  let points = [...curves.subarray(sizeOf(curves) * i, sizeOf(curves) * (i + 1))];
+  for (let n = curves.degree + 1; n <= degree; n++) {
+    const before = points;
+    points = Array.from({ length: 3 * n + 3 }, (_, at) => {
+      const share = Math.floor(at / 3) / n;
+      return share * (before[at - 3] ?? 0) + (1 - share) * (before[at] ?? 0);
+    });
+  }
+  return points;
 }
 
 /** Range of a quantity over all scenes, so that colours of batches can be compared. */

@@ -1,5 +1,8 @@
 /* The twin in 3D: all struts in one buffer, the plan as lines. */
-const PIECES = 6, SIDES = 5;
+const SIDES = 5;
+
+/** Straight pieces of a curve as it is drawn. */
+const piecesOf = (curves) => curves.degree > 3 ? 12 : 6;
 class Model {
   constructor(stage, onPick) {
     this.stage = stage;
@@ -60,21 +63,22 @@ class Model {
   /** Curves with their way from the plan enlarged. */
   moved(scene, curves, plan) {
     if (this.enlarge === 1) return curves;
-    const out = new Float32Array(curves.length);
+    const size = sizeOf(curves), out = Object.assign(new Float32Array(curves.length), { degree: curves.degree });
     scene.struts.forEach((strut, i) => {
-      for (let k = 0; k < 12; k++) out[12 * i + k] = plan.curves[12 * strut + k] + this.enlarge * (curves[12 * i + k] - plan.curves[12 * strut + k]);
+      const planned = elevated(plan.curves, strut, curves.degree);
+      for (let k = 0; k < size; k++) out[size * i + k] = planned[k] + this.enlarge * (curves[size * i + k] - planned[k]);
     });
     return out;
   }
 
   mesh(curves, radii, count) {
-    const rings = PIECES + 1, per = rings * SIDES;
+    const pieces = piecesOf(curves), rings = pieces + 1, per = rings * SIDES;
     const position = new Float32Array(count * per * 3), normal = new Float32Array(count * per * 3);
-    const index = new Uint32Array(count * PIECES * SIDES * 6), p = [0, 0, 0], q = [0, 0, 0];
+    const index = new Uint32Array(count * pieces * SIDES * 6), p = [0, 0, 0], q = [0, 0, 0];
     let at = 0;
     for (let i = 0; i < count; i++) {
       for (let ring = 0; ring < rings; ring++) {
-        const u = ring / PIECES;
+        const u = ring / pieces;
         pointOn(curves, i, Math.max(0, u - 0.05), q); const a = [...q];
         pointOn(curves, i, Math.min(1, u + 0.05), q);
         let t = [q[0] - a[0], q[1] - a[1], q[2] - a[2]];
@@ -87,7 +91,7 @@ class Model {
         for (let s = 0; s < SIDES; s++) {
           const c = Math.cos((2 * Math.PI * s) / SIDES), d = Math.sin((2 * Math.PI * s) / SIDES), o = 3 * (i * per + ring * SIDES + s);
           for (let k = 0; k < 3; k++) { normal[o + k] = c * n[k] + d * b[k]; position[o + k] = p[k] + radii[i] * normal[o + k]; }
-          if (ring < PIECES) {
+          if (ring < pieces) {
             const first = i * per + ring * SIDES + s, next = i * per + ring * SIDES + ((s + 1) % SIDES);
             index.set([first, next, first + SIDES, next, next + SIDES, first + SIDES], at); at += 6;
           }
@@ -106,7 +110,7 @@ class Model {
   octahedra(scene, curves, radius) {
     const { place } = opened(scene), ends = scene.torn || [], position = [];
     for (const [strut, side] of ends) {
-      const size = 2.5 * radius[strut], o = 12 * place.get(strut) + 9 * side;
+      const size = 2.5 * radius[strut], o = sizeOf(curves) * place.get(strut) + 3 * curves.degree * side;
       for (let face = 0; face < 8; face++) for (let k = 0; k < 3; k++) {
         const corner = [0, 0, 0];
         corner[k] = face & (1 << k) ? size : -size;
@@ -120,8 +124,8 @@ class Model {
   }
 
   wires(curves, count, colour, opacity) {
-    const position = new Float32Array(count * PIECES * 6), p = [0, 0, 0];
-    for (let i = 0, o = 0; i < count; i++) for (let k = 0; k < PIECES; k++) for (const u of [k / PIECES, (k + 1) / PIECES]) { pointOn(curves, i, u, p); position.set(p, o); o += 3; }
+    const pieces = piecesOf(curves), position = new Float32Array(count * pieces * 6), p = [0, 0, 0];
+    for (let i = 0, o = 0; i < count; i++) for (let k = 0; k < pieces; k++) for (const u of [k / pieces, (k + 1) / pieces]) { pointOn(curves, i, u, p); position.set(p, o); o += 3; }
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
     return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colour, transparent: true, opacity, depthWrite: false }));
@@ -129,7 +133,7 @@ class Model {
 
   /** Give every strut its colour; the one that is looked at keeps it and the others fade. */
   paint() {
-    const colours = this.tubes.geometry.getAttribute("color"), per = (PIECES + 1) * SIDES, colour = new THREE.Color();
+    const colours = this.tubes.geometry.getAttribute("color"), per = (piecesOf(this.shown) + 1) * SIDES, colour = new THREE.Color();
     this.data.struts.forEach((strut, i) => {
       const chosen = strut === this.selected;
       const rgb = chosen ? (DARK.matches ? [255, 255, 255] : [15, 18, 24]) : colourOf(this.data, this.quantity, i);
@@ -207,8 +211,8 @@ class Model {
     const p = [0, 0, 0];
     this.data.struts.forEach((strut, i) => {
       let before = null;
-      for (let k = 0; k <= PIECES; k++) {
-        pointOn(this.shown, i, k / PIECES, p);
+      for (let k = 0, pieces = piecesOf(this.shown); k <= pieces; k++) {
+        pointOn(this.shown, i, k / pieces, p);
         v.set(...p).project(this.camera);
         const here = [((v.x + 1) / 2) * box.width, ((1 - v.y) / 2) * box.height, v.z];
         if (before && Math.abs(here[2]) < 1) {

@@ -1,16 +1,17 @@
 /* Photographs with what the twin, the plan and the truth say drawn over them. */
-const STEPS = 10;
+/** Chords of a curve as it is drawn. */
+const stepsOf = (curves) => curves.degree > 3 ? 20 : 10;
 
 /** Pixels of points of a curve in a picture, and the strut's width there. */
 function projected(picture, curves, i, radius) {
-  const [fx, fy, cx, cy] = picture.k, m = picture.m, p = [0, 0, 0], points = [];
+  const [fx, fy, cx, cy] = picture.k, m = picture.m, p = [0, 0, 0], points = [], steps = stepsOf(curves);
   let width = 0;
-  for (let k = 0; k <= STEPS; k++) {
-    pointOn(curves, i, k / STEPS, p);
+  for (let k = 0; k <= steps; k++) {
+    pointOn(curves, i, k / steps, p);
     const z = m[8] * p[0] + m[9] * p[1] + m[10] * p[2] + m[11];
     if (z <= 0) return null;
     points.push([(fx * (m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3])) / z + cx, (fy * (m[4] * p[0] + m[5] * p[1] + m[6] * p[2] + m[7])) / z + cy]);
-    width += (2 * radius * fx) / z / (STEPS + 1);
+    width += (2 * radius * fx) / z / (steps + 1);
   }
   return { points, width };
 }

@@ -71,7 +71,7 @@ function legend() {
 function strutCard() {
   const own = scene(), i = opened(own).place.get(chosenStrut), box = $("strut");
   if (i === undefined) { box.replaceChildren(make("h2", {}, "Strut"), make("p", { class: "faint" }, "Click a strut, in 3D or in a list, for its numbers.")); return; }
-  const { plan, curves, marked } = opened(own), o = 12 * i, ends = [0, 9].map((k) => [...curves.slice(o + k, o + k + 3)].map((value) => value.toFixed(2)).join(", "));
+  const { plan, curves, marked } = opened(own), o = sizeOf(curves) * i, ends = [0, 3 * curves.degree].map((k) => [...curves.slice(o + k, o + k + 3)].map((value) => value.toFixed(2)).join(", "));
   const rows = Object.entries(QUANTITIES).filter(([name]) => own.quantities[name]).map(([name, { name: words }]) => [words, told(name, own.quantities[name][i])]);
   rows.push(["radius of the plan", figure(plan.radius[chosenStrut], "mm")], ["joints", `${plan.edges[2 * chosenStrut]} and ${plan.edges[2 * chosenStrut + 1]}`], ["starts at", ends[0]], ["ends at", ends[1]]);
   for (const [strut, side, gap] of own.torn || []) if (strut === chosenStrut) rows.push([`${END_NAMES[side]} torn off its joint by`, figure(gap, "mm")]);
