@@ -103,7 +103,7 @@ def test_the_next_look_is_taken_through_the_cameras_that_were_found(monkeypatch:
     capture = read_capture(PHOTOGRAPHS / "matte")
     seen: list[Sequence[Camera]] = []
 
-    def look(taken: Any, masks: Any, twin: Any, cameras: Sequence[Camera]) -> Any:
+    def look(taken: Any, masks: Any, twin: Any, cameras: Sequence[Camera], **_: Any) -> Any:
         seen.append(cameras)
         return masks
 
@@ -113,6 +113,7 @@ def test_the_next_look_is_taken_through_the_cameras_that_were_found(monkeypatch:
     twin = SimpleNamespace(
         cameras=[{"name": view.camera.name, **record} for view in capture.views],
         control_points=capture.frame.control_points,
+        curves=capture.frame.control_points,
         as_wireframe=lambda frame: frame,
     )
     result = SimpleNamespace(twin=twin, field=None)

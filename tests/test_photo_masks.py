@@ -22,7 +22,7 @@ from frametwin.imaging.neighbourhood import Neighbourhood
 from frametwin.imaging.photo_masks import nothing_to_see, photo_mask, refined_mask
 from frametwin.imaging.photograph import photograph, with_light
 from frametwin.imaging.refocus import SHARP, refocused
-from frametwin.imaging.view_masks import LEAST_VIEWS, read_view_masks, refine_view_masks
+from frametwin.imaging.view_masks import LEAST_VIEWS, read_view_masks, refine_view_masks, settled_view_masks
 from frametwin.raster.silhouette import silhouettes
 
 
@@ -83,6 +83,30 @@ def test_photographs_out_of_focus_keep_the_width_and_place_of_a_strut(blur: floa
     assert found.blur == pytest.approx(blur, rel=0.4)
     assert found.coverage.sum() / strut.coverage.sum() == pytest.approx(1.0, abs=width)
     assert abs(shift_of(found.coverage, strut)) < 0.4
+
+
+def test_the_softness_of_a_photograph_is_its_blur_beside_the_strut() -> None:
+    strut = strut_photo(radius=5.0)
+    image, reference = (cv2.GaussianBlur(picture, (0, 0), 2.0) for picture in (strut.image, strut.reference))
+    found = refined_mask(photo_mask(photograph(image, reference, strut.where)), strut.coverage)
+    assert found.softness == pytest.approx(found.blur / 5.0, rel=0.25) and found.blur > 1.0
+    sharp = refined_mask(photo_mask(photograph(strut.image, strut.reference, strut.where)), strut.coverage)
+    assert sharp.softness == 0.0
+
+
+def test_a_photograph_out_of_focus_is_looked_at_about_the_twin_in_the_end(tmp_path: Path) -> None:
+    frame = tower().replace(radius=np.full(tower().strut_count, 1.5))
+    cameras, images, before = frame_photos(frame, LEAST_VIEWS, size=(240, 320))
+    soft = [[cv2.GaussianBlur(picture, (0, 0), 1.8) for picture in pictures] for pictures in (images, before)]
+    write_capture(tmp_path, frame, cameras, soft[0], backgrounds=soft[1])
+    capture = read_capture(tmp_path)
+    masks = read_view_masks(capture)
+    once = refine_view_masks(capture, masks, frame)
+    settled = settled_view_masks(capture, masks, frame)
+    assert all(mask.blur > 1.0 for mask in settled)
+    for first, last, again in zip(once, settled, refine_view_masks(capture, once, frame), strict=True):
+        np.testing.assert_array_equal(last.coverage, again.coverage)
+        assert np.abs(last.coverage - first.coverage).max() > 0.1
 
 
 def test_sharp_photographs_are_told_from_a_twin_that_lies_beside_the_print() -> None:

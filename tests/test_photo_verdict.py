@@ -39,6 +39,12 @@ def test_a_twin_for_which_most_cameras_had_to_move_is_doubtful(corrected: float,
     assert judged.status == status and (status == "good" or "3.0 standard deviations" in judged.reasons[0])
 
 
+@pytest.mark.parametrize(("softness", "status"), [(0.15, "good"), (0.31, "doubtful")])
+def test_a_twin_of_photographs_far_out_of_focus_is_doubtful(softness: float, status: str) -> None:
+    judged = judged_on_photographs(Verdict(), 0.03, 0.01, 0.0, softness)
+    assert judged.status == status and (status == "good" or "out of focus by 31%" in judged.reasons[0])
+
+
 def test_a_graver_verdict_stays() -> None:
     wrong = Verdict("wrong", ("nothing agrees",))
     assert judged_on_photographs(wrong, 1.0, 1.0) is wrong

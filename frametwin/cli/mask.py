@@ -65,7 +65,7 @@ def command(
     from frametwin.files import write_bytes
     from frametwin.fitting.camera_corrections import as_found
     from frametwin.imaging.mask_page import figures_of, page, seen_views, sheet
-    from frametwin.imaging.view_masks import read_view_masks, refine_view_masks
+    from frametwin.imaging.view_masks import read_view_masks, settled_view_masks
     from frametwin.twin.runs import load_run
 
     taken = read_capture(capture)
@@ -74,7 +74,7 @@ def command(
         if run is not None:
             twin, _ = load_run(run)
             cameras = as_found([view.camera.without_distortion() for view in taken.views], twin.cameras)
-            masks = refine_view_masks(taken, masks, twin.as_wireframe(taken.frame), cameras, curves=twin.curves)
+            masks = settled_view_masks(taken, masks, twin.as_wireframe(taken.frame), cameras, twin.curves)
         views = seen_views(taken, masks)
     title = f"What is seen of {taken.frame.name}"
     data = page(title, views).encode() if out.suffix.lower() == ".html" else encode_png(sheet(views))

@@ -29,6 +29,7 @@ from frametwin.fitting.photo_fit import (
     outline_error,
     shows_photographs,
     typical_correction,
+    typical_softness,
 )
 from frametwin.fitting.plate_cameras import through_plate
 from frametwin.fitting.presets import PRESETS, fitter_of, settings_of
@@ -125,7 +126,8 @@ def fit_capture(
     if shows_photographs(looked.masks) and twin.sigma_across is not None:
         part = capture.frame.printed
         loose = float(np.median((twin.sigma_across / capture.frame.radius)[part])) if part.any() else 0.0
-        judged = judged_on_photographs(twin.verdict, loose, looked.moved, typical_correction(twin))
+        soft = typical_softness(looked.masks)
+        judged = judged_on_photographs(twin.verdict, loose, looked.moved, typical_correction(twin), soft)
         twin = _with_doubt_of_masks(twin.replace(verdict=judged), capture, outline_doubt(looked.masks))
     if placed is not None:
         twin = placed.told(twin)

@@ -148,6 +148,12 @@ def outline_doubt(masks: Sequence[ViewMask]) -> float:
     return OUTLINE_OF_MASKS * (1.0 + float(np.median(used))) if used else OUTLINE_OF_MASKS
 
 
+def typical_softness(masks: Sequence[ViewMask]) -> float:
+    """Blur of the typical photograph that is used, in half widths of a strut; 0 where there is none."""
+    used = [mask.softness for mask in masks if mask.used and mask.photo is not None]
+    return float(np.median(used)) if used else 0.0
+
+
 def typical_correction(twin: Twin) -> float:
     """Standard deviations of its rig by which the typical camera was corrected; 0 where all stay."""
     return float(np.median([camera["sigmas"] for camera in twin.cameras])) if twin.cameras else 0.0

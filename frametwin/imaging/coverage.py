@@ -16,6 +16,7 @@ import numpy as np
 from frametwin.imaging.focus import blur_of, blurred, shared_light
 from frametwin.imaging.light import spread
 from frametwin.imaging.photograph import TINT, Photograph
+from frametwin.imaging.shading import shaded_light
 from frametwin.raster.lens_blur import edge_spread, lens_blur
 
 SUM_SPREAD = 0.05
@@ -32,6 +33,10 @@ SOFTER = 1.12
 
 RIM = 1.1
 """How far the shading from the middle of a strut to its side goes on to the rim."""
+
+NARROW = 6.2
+"""Half width of a typical strut in pixels, see `half_width`, below which its own shading tells too little of its rim,
+and that of all struts of the view is asked. From eight pixels on, a strut's own is the better guide."""
 
 FINE_SIGMAS, WIDE_SIGMAS = (0.9, 2.0, 6.0), (2.5, 6.0, 12.0)
 BACKGROUND_SIGMAS = (2.0, 5.0, 15.0, 50.0)
@@ -76,7 +81,9 @@ class Coverage:
     certain: np.ndarray
 
 
-def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float, blur: float = 0.0) -> Coverage:
+def coverage_about(
+    photo: Photograph, silhouette: np.ndarray, margin: float, blur: float = 0.0, normals: np.ndarray | None = None
+) -> Coverage:
     """Coverage from a photograph and a twin that is right to within a margin.
 
     Parameters
@@ -89,6 +96,9 @@ def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float, blu
         Pixels by which the twin's outlines may be wrong.
     blur
         Of the photograph in pixels, if it has so much that no pixel need be wholly print.
+    normals : (H, W, 3) float32, optional
+        Of the twin's surface, 0 where there is none, by which the light of the sides of narrow struts is told. By
+        default shading is carried on from the middle of each strut to its sides.
     """
     outer = _outside(silhouette) > margin + 2.0 * blur
     behind = _behind(photo, outer)
@@ -96,7 +106,7 @@ def coverage_about(photo: Photograph, silhouette: np.ndarray, margin: float, blu
         share, certain = _out_of_focus(photo, behind, blurred(silhouette, blur))
         share = np.where(outer, 0.0, share)
     else:
-        share, certain = _in_focus(photo, behind, silhouette, outer, margin)
+        share, certain = _in_focus(photo, behind, silhouette, outer, margin, normals)
     return Coverage(share.astype(np.float32), np.where(outer, 1.0, certain).astype(np.float32))
 
 
@@ -151,15 +161,22 @@ def _out_of_focus(photo: Photograph, behind: np.ndarray, expected: np.ndarray) -
 
 
 def _in_focus(
-    photo: Photograph, behind: np.ndarray, silhouette: np.ndarray, outer: np.ndarray, margin: float
+    photo: Photograph,
+    behind: np.ndarray,
+    silhouette: np.ndarray,
+    outer: np.ndarray,
+    margin: float,
+    normals: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same where the middles of the struts are wholly print; ``outer`` (H, W) bool is out of the twin's reach."""
     depth = cv2.distanceTransform((silhouette > 0.5).astype(np.uint8), cv2.DIST_L2, 5)
     differs = _difference(photo, behind) > _SEEN
     seeds = (differs & (depth > 1.5)) + 0.01 * (differs & (depth > 0.0))
     inner = np.zeros(silhouette.shape, dtype=np.uint8)
+    faces = normals if half_width(silhouette) < NARROW else None
     for _ in range(_ROUNDS):
-        front = _print_light(photo, seeds.astype(np.float32))
+        known = seeds.astype(np.float32)
+        front = _print_light(photo, known) if faces is None else _shaded_light(photo, faces, known)
         share = _unmixed(photo, front, behind)
         share[inner > 0] = 1.0
         share[depth > margin] = 1.0
@@ -188,6 +205,11 @@ def _print_light(photo: Photograph, seeds: np.ndarray) -> np.ndarray:
     """Light of the print (H, W, 3), its shading carried on to the rim of each strut."""
     fine, wide = spread(photo.light, seeds, FINE_SIGMAS), spread(photo.light, seeds, WIDE_SIGMAS)
     return np.asarray(np.clip(fine + RIM * (fine - wide), 0.4 * fine, 1.8 * fine))
+
+
+def _shaded_light(photo: Photograph, normals: np.ndarray, seeds: np.ndarray) -> np.ndarray:
+    """The same, its shading told by where its surface faces (H, W, 3)."""
+    return shaded_light(photo.light, normals, seeds, (FINE_SIGMAS, WIDE_SIGMAS))
 
 
 def _unmixed(photo: Photograph, front: np.ndarray, behind: np.ndarray, sum_spread: float = SUM_SPREAD) -> np.ndarray:

@@ -63,6 +63,7 @@ class ViewMask:
     found : pixels of print as a share of what the plan would cover; NaN where that is not known.
     photo : what the mask was made from, if it was a photograph.
     blur : of the photograph in pixels, once a twin has told it; see `frametwin.imaging.focus`.
+    softness : the blur in half widths of a typical strut.
     """
 
     coverage: np.ndarray
@@ -73,6 +74,7 @@ class ViewMask:
     found: float = float("nan")
     photo: Photograph | None = None
     blur: float = 0.0
+    softness: float = 0.0
     remedy: str = "give a picture of the print, better with the same view before printing in background/, or a mask"
 
 
@@ -107,22 +109,31 @@ def rough_mask(photo: Photograph) -> np.ndarray:
     return found
 
 
-def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN) -> ViewMask:
-    """The mask of the same photograph, looked for about a twin's silhouette (H, W) in 0..1; ``margin`` in mm."""
+def refined_mask(
+    mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN, normals: np.ndarray | None = None
+) -> ViewMask:
+    """The mask of the same photograph, looked for about a twin's silhouette (H, W) in 0..1; ``margin`` in mm.
+
+    ``normals`` (H, W, 3) of its surface, carried on beyond its outlines, tell its dark sides.
+    """
     if mask.photo is None or not mask.used:
         return mask
     photo = mask.photo
     pixels = max(2.0, margin * photo.neighbourhood.pixels_per_mm)
     blur = mask.blur or blur_about(photo, silhouette, pixels)
-    if half_width(silhouette) < THICK * blur:
+    half = half_width(silhouette)
+    softness = blur / half if half > 0.0 else 0.0
+    if half < THICK * blur:
         about = coverage_about(photo, silhouette, pixels, blur)
     elif blur > 0.0 and mask.blur == 0.0:  # what was seen out of focus is too far off to look about it
-        return replace(photo_mask(refocused(photo, blur, GENTLE)), valid=mask.valid, photo=photo, blur=blur)
+        return replace(
+            photo_mask(refocused(photo, blur, GENTLE)), valid=mask.valid, photo=photo, blur=blur, softness=softness
+        )
     elif blur > 0.0:
-        about = coverage_about(refocused(photo, blur), silhouette, pixels)
+        about = coverage_about(refocused(photo, blur), silhouette, pixels, normals=normals)
         about = replace(about, share=blurred(about.share, EVENED))
     else:
-        about = coverage_about(photo, silhouette, pixels)
+        about = coverage_about(photo, silhouette, pixels, normals=normals)
     coverage, certain = about.share, about.certain
     if mask.valid is not None:
         known = mask.valid > 0.0
@@ -130,7 +141,8 @@ def refined_mask(mask: ViewMask, silhouette: np.ndarray, margin: float = MARGIN)
         certain = np.where(known, certain, 0.0).astype(np.float32)
     told = float(certain[silhouette > 0.5].mean()) if (silhouette > 0.5).any() else 0.0
     reason = "" if told >= LEAST_TOLD else f"print and background look alike in it (only {told:.0%} can be told apart)"
-    return replace(mask, coverage=coverage, valid=certain, used=not reason, reason=reason, blur=blur)
+    seen = replace(mask, coverage=coverage, valid=certain, blur=blur, softness=softness)
+    return replace(seen, used=not reason, reason=reason)
 
 
 def nothing_to_see(image: np.ndarray) -> str:

@@ -21,6 +21,7 @@ from frametwin.imaging.neighbourhood import Neighbourhood
 from frametwin.imaging.photo_masks import MARGIN, ViewMask, nothing_to_see, photo_mask, refined_mask
 from frametwin.imaging.photograph import photograph, without
 from frametwin.progress import Progress, ProgressCallback, report
+from frametwin.raster.normals import surface_normals
 from frametwin.raster.silhouette import silhouettes
 
 Method = Literal["auto", "paper"]
@@ -28,6 +29,9 @@ METHODS: tuple[Method, ...] = ("auto", "paper")
 
 LEAST_VIEWS = 6
 """Views that must be left; of a capture with fewer, all."""
+
+LEAST_REACH, REACH = 4.0, 1.5
+"""How far beyond a twin's outlines its surface is carried on: at least in pixels, and in margins."""
 
 _WORKERS = 2
 
@@ -137,12 +141,45 @@ def refine_view_masks(
     refined = list(masks)
     with ThreadPoolExecutor(_WORKERS) as pool:
         waiting = [
-            pool.submit(refined_mask, masks[i], silhouette.astype(np.float32) / 255.0, margin)
+            pool.submit(_refined, masks[i], twin, known[i], silhouette.astype(np.float32) / 255.0, margin, curves)
             for i, silhouette in zip(chosen, drawn, strict=True)
         ]
         for i, job in zip(chosen, waiting, strict=True):
             refined[i] = job.result()
     return refined
+
+
+def settled_view_masks(
+    capture: Capture,
+    masks: Sequence[ViewMask],
+    twin: Wireframe,
+    cameras: Sequence[Camera] | None = None,
+    curves: np.ndarray | None = None,
+) -> list[ViewMask]:
+    """The masks of photographs about a twin as a fit sees them last; see `refine_view_masks`.
+
+    The first look about a twin only tells how far out of focus a photograph is, and finds its print once more without
+    the twin. The second looks about it.
+    """
+    seen = refine_view_masks(capture, masks, twin, cameras, curves=curves)
+    told = [after.blur > 0.0 and before.blur == 0.0 for before, after in zip(masks, seen, strict=True)]
+    if not any(told):
+        return seen
+    again = refine_view_masks(capture, seen, twin, cameras, curves=curves)
+    return [new if just else old for new, old, just in zip(again, seen, told, strict=True)]
+
+
+def _refined(
+    mask: ViewMask,
+    twin: Wireframe,
+    camera: Camera,
+    silhouette: np.ndarray,
+    margin: float,
+    curves: np.ndarray | None,
+) -> ViewMask:
+    scale = 0.0 if mask.photo is None else mask.photo.neighbourhood.pixels_per_mm
+    normals = surface_normals(twin, camera, max(LEAST_REACH, REACH * margin * scale), curves)
+    return refined_mask(mask, silhouette, margin, normals)
 
 
 def _read(frame: Wireframe, view: View, hidden: np.ndarray | None, method: Method) -> ViewMask:
