@@ -22,7 +22,7 @@ from frametwin.raster.rods import Rods
 STEPS = 3
 """Steps of each stage of a trial, at most."""
 
-ROUNDS, GAIN = 4, 0.01
+ROUNDS, GAIN = 12, 0.01
 """Times that everything is tried, at most, and share by which the loss has to fall for another time."""
 
 SINGLY = 20
