@@ -19,8 +19,9 @@ from frametwin.raster.rods import Rods
 RINGS = 2
 """Joints between the struts that are asked for and the first that is pinned."""
 
-MOST = 0.5
-"""Share of the struts from which everything may move: less would hardly be cheaper."""
+MOST, FEW = 0.5, 64
+"""Share of the struts from which everything may move, and frames of so few in which it always does: less would hardly
+be cheaper."""
 
 MARGIN = 12.0
 """Radii around the struts that are looked at: nothing that is tried moves further."""
@@ -53,7 +54,7 @@ class Nearby:
     def of(cls, problem: Problem, state: State, struts: np.ndarray, rings: int = RINGS) -> Nearby:
         """Struts (N,) of a problem, and those around them; windows are cut about where the state has them."""
         chosen = _around(problem.frame.edges, struts, rings)
-        if problem.window is not None or chosen.sum() > MOST * len(chosen):
+        if problem.window is not None or len(chosen) < FEW or chosen.sum() > MOST * len(chosen):
             return cls(problem, problem, np.arange(len(chosen)), np.arange(problem.frame.vertex_count))
         seen = drawn(problem, state, PIECES)
         held = np.ones(len(seen.joints)) if state.joint_size is None else state.joint_size.copy()
