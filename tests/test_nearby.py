@@ -32,6 +32,13 @@ def middle_strut() -> int:
     return int(np.linalg.norm(middle - middle.mean(axis=0) - [0.0, 20.0, 0.0], axis=1).argmin())
 
 
+def bowed(problem: Problem, state: State, strut: int, radii: float) -> State:
+    """The state with one strut bowed by so many radii."""
+    inner = state.pose.inner.copy()
+    inner[strut] += radii * problem.frame.radius[strut]
+    return replace(state, pose=replace(state.pose, inner=inner))
+
+
 def test_terms_of_struts_are_those_that_they_have_in_the_whole(fitted):
     problem, state = fitted
     near = Nearby.of(problem, state, np.array([middle_strut()]))
@@ -49,12 +56,10 @@ def test_losses_of_a_part_differ_as_those_of_the_whole(fitted):
     problem, state = fitted
     strut = middle_strut()
     near = Nearby.of(problem, state, np.array([strut]))
-    inner = state.pose.inner.copy()
-    inner[strut] += 3.0 * problem.frame.radius[strut]
-    bowed = replace(state, pose=replace(state.pose, inner=inner))
-    change = loss_of(problem, bowed) - loss_of(problem, state)
+    off = bowed(problem, state, strut, 3.0)
+    change = loss_of(problem, off) - loss_of(problem, state)
     assert change > 1.0
-    found = loss_of(near.part, near.taken(bowed)) - loss_of(near.part, near.taken(state))
+    found = loss_of(near.part, near.taken(off)) - loss_of(near.part, near.taken(state))
     assert found == pytest.approx(change, rel=5e-3)
 
 
@@ -62,16 +67,14 @@ def test_only_struts_of_the_part_move_and_go_back_to_where_the_whole_has_them(fi
     problem, state = fitted
     strut = middle_strut()
     near = Nearby.of(problem, state, np.array([strut]))
-    inner = state.pose.inner.copy()
-    inner[strut] += 2.0 * problem.frame.radius[strut]
-    bowed = replace(state, pose=replace(state.pose, inner=inner))
-    after = near.after(bowed, partial(free_stage, stage=STAGE))
+    off = bowed(problem, state, strut, 2.0)
+    after = near.after(off, partial(free_stage, stage=STAGE))
     others = np.setdiff1d(np.arange(problem.frame.strut_count), near.struts)
     np.testing.assert_array_equal(after.pose.inner[others], state.pose.inner[others])
     held = np.unique(problem.frame.edges[others])
     np.testing.assert_allclose(after.pose.joints[held], state.pose.joints[held], atol=1e-6)
     assert after.record is state.record
-    right, wrong, back = (loss_of(problem, one) for one in (state, bowed, after))
+    right, wrong, back = (loss_of(problem, one) for one in (state, off, after))
     assert back - right < 0.2 * (wrong - right)
 
 

@@ -85,11 +85,11 @@ def fit_lattice(
     basis = field.basis_matrix(where).multiply(root).tocsr()
     normal = _gram(basis)
     length = float(np.ptp(field.box, axis=0).max())
-    box_key, cells = tuple(field.box.ravel().tolist()), tuple(field.resolutions)
+    domain = tuple(field.box.ravel().tolist()), tuple(field.resolutions)
     if bending > 0.0:
-        normal += bending * length**4 * _energy_over(box_key, cells, _SECOND)
+        normal += bending * length**4 * _energy(*domain, _SECOND)
     if stretch > 0.0:
-        normal += stretch * length**2 * _energy_over(box_key, cells, _FIRST)
+        normal += stretch * length**2 * _energy(*domain, _FIRST)
     normal[np.diag_indices(size)] += _RIDGE * np.trace(normal) / size
     return field.with_coefficients(linalg.cho_solve(linalg.cho_factor(normal), basis.T @ (root * targets)))
 
@@ -110,18 +110,13 @@ def _gram(matrix: sparse.csr_matrix) -> Floats:
 
 
 @lru_cache(maxsize=4)
-def _energy_over(box: tuple[float, ...], resolutions: tuple[Cells, ...], terms: tuple[Term, ...]) -> Floats:
-    """The energy's matrix (C, C) of a box, read-only: a twin that is followed asks for it again and again."""
-    energy = _energy(LatticeField.zeros(np.reshape(box, (2, 3)), resolutions), terms)
-    energy.flags.writeable = False
-    return energy
+def _energy(box: tuple[float, ...], resolutions: tuple[Cells, ...], terms: tuple[Term, ...]) -> Floats:
+    """(C, C) matrix, read-only, of the mean over a box of a sum of squared derivatives.
 
-
-def _energy(field: LatticeField, terms: Sequence[Term]) -> Floats:
-    """(C, C) matrix of the mean over the box of a sum of squared derivatives.
-
-    The basis functions are products over the axes, so every entry is a product of integrals along one axis.
+    The basis functions are products over the axes, so every entry is a product of integrals along one axis. A twin that
+    is followed asks for the same matrix again and again.
     """
+    field = LatticeField.zeros(np.reshape(box, (2, 3)), resolutions)
     along = [_axis_products(field, axis) for axis in range(3)]
     levels = range(len(field.levels))
     total = np.zeros((len(field.coefficients),) * 2)
@@ -130,6 +125,7 @@ def _energy(field: LatticeField, terms: Sequence[Term]) -> Floats:
             [np.kron(np.kron(along[0][x, a, b], along[1][y, a, b]), along[2][z, a, b]) for b in levels] for a in levels
         ]
         total += factor * np.block(blocks)
+    total.flags.writeable = False
     return total
 
 

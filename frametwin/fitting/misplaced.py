@@ -54,11 +54,13 @@ def given_second_chance(plan: Problem, problem: Problem, state: State, torn: Tor
     problem, state, torn
         With a vertex of its own for each torn end.
     """
+    loss = loss_of(problem, state)
     for _ in range(ROUNDS):
-        before = loss_of(problem, state)
+        before = loss
         state = _struts_bowed(problem, state)
         problem, state, torn = _joints_moved(plan, problem, state, torn)
-        if loss_of(problem, state) > (1.0 - GAIN) * before:
+        loss = loss_of(problem, state)
+        if loss > (1.0 - GAIN) * before:
             break
     return problem, state.lapped("second chance"), torn
 
@@ -71,11 +73,12 @@ def _joints_moved(plan: Problem, problem: Problem, state: State, torn: Torn) -> 
     for joint in joints:
         fewer = torn.only(torn.joints != joint)
         trial = separated(plan, fewer)
-        near = Nearby.of(problem, state, struts_at(plan, np.array([joint])))
+        here = struts_at(plan, np.array([joint]))
+        near = Nearby.of(problem, state, np.flatnonzero(here))
         state = near.after(state, settled)  # as all that is tried will be
         before = loss_near(near, state)
         for to_ends in (True, False):
-            start = _straightened(_joined(state, torn, joint, to_ends), _struts_at(plan, joint))
+            start = _straightened(_joined(state, torn, joint, to_ends), here)
             there = near.in_frame(trial, start)
             tried = there.after(start, settled)
             state = replace(state, record=tried.record)
@@ -183,11 +186,6 @@ def shapes_to_try(control_points: np.ndarray, radius: np.ndarray) -> np.ndarray:
     return shapes
 
 
-def _struts_at(problem: Problem, joint: int) -> np.ndarray:
-    """(E,) array of bool: struts of a joint."""
-    return np.asarray((problem.frame.edges == joint).any(axis=1))
-
-
 def _straightened(state: State, struts: np.ndarray) -> State:
     """The state with some struts (E,) whole again, and bent by their joints alone."""
     opacity = np.where(struts[:, None], 1.0, state.pose.opacity)
@@ -218,7 +216,7 @@ def loss_near(near: Nearby, state: State) -> float:
 
 
 def _settled_and_judged(problem: Problem, state: State) -> State:
-    """The same, without what is then seen to be missing."""
+    """As `settled`, without what is then seen to be missing."""
     state = settled(problem, state)
     return without_missing(problem, state) if problem.settings.learn_opacity else state
 

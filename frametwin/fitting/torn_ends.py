@@ -130,7 +130,7 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
         trial_torn = torn.with_ends(ends, plan.frame)
         trial = separated(plan, trial_torn)
         tried = _freed(trial, state, trial_torn, shift)
-        near = Nearby.of(trial, tried, struts_at(plan, trial_torn.joints[len(torn.ends) :]))
+        near = Nearby.of(trial, tried, np.flatnonzero(struts_at(plan, trial_torn.joints[len(torn.ends) :])))
         for again in problem.settings.refine[-2:]:
             few = replace(again, iterations=min(again.iterations, TRIAL))
             tried = near.after(tried, partial(free_stage, stage=few))
@@ -151,8 +151,8 @@ def mended(problem: Problem, state: State) -> tuple[Problem, State, Torn]:
 
 
 def struts_at(plan: Problem, joints: np.ndarray) -> np.ndarray:
-    """Struts that end at some joints (N,)."""
-    return np.flatnonzero(np.isin(plan.frame.edges, joints).any(axis=1))
+    """(E,) array of bool: struts that end at some joints (N,)."""
+    return np.asarray(np.isin(plan.frame.edges, joints).any(axis=1))
 
 
 def _came_back(state: State, torn: Torn, known: int) -> bool:

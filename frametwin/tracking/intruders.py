@@ -89,12 +89,9 @@ def hidden_pixels(
     struts, pieces = np.nonzero(hidden)
     pixels, depth = camera.project(np.stack([points[struts, pieces], points[struts, pieces + 1]], axis=1))  # (K, 2, 2)
     seen = (depth > 0.0).all(axis=1)
-    ends, width = (
-        np.clip(np.round(pixels[seen]), -1e4, 1e4).astype(np.int64),
-        2.0 * (1.0 + AROUND) * radius[struts[seen]],
-    )
-    width = np.maximum(1, np.round(width * camera.fl_x / depth[seen].mean(axis=1))).astype(np.int64)
-    for (a, b), thickness in zip(ends.tolist(), width.tolist(), strict=True):
+    ends = np.clip(np.round(pixels[seen]), -1e4, 1e4).astype(np.int64)
+    width = 2.0 * (1.0 + AROUND) * radius[struts[seen]] * camera.fl_x / depth[seen].mean(axis=1)
+    for (a, b), thickness in zip(ends.tolist(), np.maximum(1, np.round(width)).astype(np.int64).tolist(), strict=True):
         cv2.line(result, a, b, (1.0,), thickness)
     return result > 0
 

@@ -119,13 +119,12 @@ def _orders(
     progress: ProgressCallback | None,
 ) -> list[Removal]:
     """Complete orders to choose from; where none of the usual ways leads to one, the first that is found."""
-    heights, complete = heights_to_try(frame, space), []
+    heights, ways = heights_to_try(frame, space), []
     for number, height in enumerate(heights):
         report(progress, Progress("ordering the struts", number, len(heights)))
-        way = remove_all(replace(space, height=height), stage)
-        if not way.remaining.any():
-            complete.append(way)
-    return complete or [_search(frame, space, stage, settings, progress)]
+        ways.append(remove_all(replace(space, height=height), stage))
+    complete = [way for way in ways if not way.remaining.any()]
+    return complete or [_search(frame, space, stage, settings, ways[0], progress)]
 
 
 def _search(
@@ -133,22 +132,19 @@ def _search(
     space: SearchSpace,
     stage: np.ndarray | None,
     settings: OrderSettings,
+    best: Removal,
     progress: ProgressCallback | None,
 ) -> Removal:
-    """Search several times, the later times with shuffled heights; at the last put up with contacts, if allowed."""
-    best: Removal | None = None
-    for attempt in range(settings.attempts):
+    """Search on from the first attempt, the later ones with shuffled heights; then put up with contacts, if allowed."""
+    for attempt in range(1, settings.attempts):
         report(progress, Progress("ordering the struts", attempt, settings.attempts))
-        perturbation = None
-        if attempt:
-            rng = np.random.default_rng(np.random.SeedSequence([settings.seed, attempt]))
-            perturbation = rng.normal(scale=float(attempt), size=frame.strut_count)
+        rng = np.random.default_rng(np.random.SeedSequence([settings.seed, attempt]))
+        perturbation = rng.normal(scale=float(attempt), size=frame.strut_count)
         removal = remove_all(space, stage, perturbation=perturbation)
         if not removal.remaining.any():
             return removal
-        if best is None or removal.remaining.sum() < best.remaining.sum():
+        if removal.remaining.sum() < best.remaining.sum():
             best = removal
-    assert best is not None  # attempts are at least one
     if not settings.allow_contact:
         raise _stuck(frame, space, best, stage)
     removal = remove_all(space, stage, tolerate=True)
