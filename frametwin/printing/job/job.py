@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
+from threadpoolctl import threadpool_limits
 
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.files import PathLike, read_json, staged_directory, synced_together, write_json
@@ -253,7 +254,8 @@ class PrintJob:
             stage, following = self._stage(batch), self._stage(batch + 1)
             try:
                 stage.mkdir()
-                with synced_together():
+                # The matrices are small: threads of the linear algebra would wait for each other, forecasts above all.
+                with synced_together(), threadpool_limits(limits=1, user_api="blas"):
                     going = answer_batch(stage, self._step(batch), capture, options or AnswerOptions(), progress)
                     if going is not None:
                         following.mkdir()
