@@ -17,9 +17,11 @@ from frametwin.fields.lattice import LatticeField
 from frametwin.fitting.api import FitResult, fit_views
 from frametwin.fitting.camera_corrections import as_found
 from frametwin.fitting.fast_settings import Stage
+from frametwin.fitting.known_start import KnownStart
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.adapt import lost_struts
 from frametwin.printing.adaptation.evidence import Pictures
+from frametwin.printing.adaptation.last_twin import start_after
 from frametwin.progress import ProgressCallback
 from frametwin.twin.twin import Twin
 
@@ -91,6 +93,7 @@ def fit_batch(
     warm: bool = True,
     freedom: str = "exact",
     outline_error: float = 0.0,
+    last: Twin | None = None,
     progress: ProgressCallback | None = None,
 ) -> BatchFit:
     """Find the twin of a batch.
@@ -111,6 +114,9 @@ def fit_batch(
         the setting ``cameras`` of the preset ``fast``.
     outline_error
         Pixels by which the outlines in the masks may be wrong; that preset's setting of the name.
+    last
+        The twin of the batch before, if the cameras are where they were then: a warm fit starts from what it found of
+        them and of the joints' material.
 
     Raises
     ------
@@ -127,8 +133,9 @@ def fit_batch(
             result = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
             return BatchFit(result, "cold", perf_counter() - began)
         still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
+        known = KnownStart(still) if last is None else start_after(last, still, expected, cameras)
         changes = {**WARM, **seeing}
-        result, start = fit_views(expected, cameras, masks, changes=changes, start=still, callback=progress), "warm"
+        result, start = fit_views(expected, cameras, masks, changes=changes, start=known, callback=progress), "warm"
         given = Pictures(expected, cameras, masks)
 
         def seen(twin: Twin) -> Pictures:

@@ -44,6 +44,7 @@ from frametwin.printing.records.sequence_file import write_sequence
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.ranges import check_settings
 from frametwin.twin.findings import missing_struts, uncertain_struts
+from frametwin.twin.twin import Twin
 
 ACCEPTABLE = (*guards.KINDS, "contact")
 """What can be accepted by name."""
@@ -113,6 +114,8 @@ class AnsweredStep:
         Of how the print drifts, where the job compensates.
     seen
         How far joints drifted in the batches before: in all of them where the job compensates, else in the last ones.
+    last
+        The twin of the batch before.
     """
 
     design: Wireframe
@@ -122,6 +125,7 @@ class AnsweredStep:
     before: np.ndarray
     forecast: SagForecast | CreepForecast | None = None
     seen: Sequence[Observation] = ()
+    last: Twin | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +243,7 @@ def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progr
             warm=options.warm,
             freedom=chosen,
             outline_error=outline_error(seen),
+            last=step.last if taken.capture.plate is None else None,  # by a plate, each picture tells of its camera
             progress=progress,
         )
 

@@ -39,7 +39,8 @@ from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.records.sequence_file import read_sequence, write_sequence
 from frametwin.printing.toolpath.robot_files import SUMMARY
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.twin.runs import load_run
+from frametwin.twin.runs import is_run, load_run
+from frametwin.twin.twin import Twin, read_twin
 
 
 class JobBusy(FrameTwinError):
@@ -285,7 +286,13 @@ class PrintJob:
             before=ahead.plan.vertices,
             forecast=self._forecast_before(batch) if compensates else None,
             seen=self._seen_before(batch, batch if compensates and self.settings.forecast == "linear" else HISTORY),
+            last=self._twin_before(batch),
         )
+
+    def _twin_before(self, batch: int) -> Twin | None:
+        """The twin of the batch before, if there is one."""
+        folder = self.batch_folder(batch - 1) / files.RUN
+        return read_twin(folder) if is_run(folder) else None
 
     def _forecast_before(self, batch: int) -> SagForecast | CreepForecast:
         return self._linear_forecast if self.settings.forecast == "linear" else self._creep_forecast(batch)
