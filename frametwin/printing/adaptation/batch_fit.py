@@ -68,11 +68,14 @@ class BatchFit:
         ``"warm"``, ``"cold"``, or ``"warm, then cold"`` where the warm one was doubted.
     seconds
         That the fit took.
+    pictures
+        As it was compared with them, through the cameras where it found them.
     """
 
     result: FitResult
     start: str
     seconds: float
+    pictures: Pictures
 
     @property
     def twin(self) -> Twin:
@@ -131,21 +134,19 @@ def fit_batch(
     with threadpool_limits(limits=1, user_api="blas"):
         if not warm:
             result = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
-            return BatchFit(result, "cold", perf_counter() - began)
+            seen = pictures_through(expected, cameras, masks, result.twin)
+            return BatchFit(result, "cold", perf_counter() - began, seen)
         still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
         known = KnownStart(still) if last is None else start_after(last, still, expected, cameras)
         changes = {**WARM, **seeing}
         result, start = fit_views(expected, cameras, masks, changes=changes, start=known, callback=progress), "warm"
-        given = Pictures(expected, cameras, masks)
-
-        def seen(twin: Twin) -> Pictures:
-            return pictures_through(expected, cameras, masks, twin) if twin.cameras else given
-
-        if _is_doubtful(seen(result.twin), expected, result):
+        seen = pictures_through(expected, cameras, masks, result.twin)
+        if _is_doubtful(seen, expected, result):
             other = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
-            result = min((result, other), key=lambda found: _disagreement(seen(found.twin), expected, found))
+            both = [(result, seen), (other, pictures_through(expected, cameras, masks, other.twin))]
+            result, seen = min(both, key=lambda found: _disagreement(found[1], expected, found[0]))
             start = "warm, then cold"
-    return BatchFit(result, start, perf_counter() - began)
+    return BatchFit(result, start, perf_counter() - began, seen)
 
 
 def _is_doubtful(pictures: Pictures, expected: Wireframe, result: FitResult) -> bool:
