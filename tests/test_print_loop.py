@@ -61,7 +61,7 @@ def test_a_warm_fit_is_as_good_as_a_cold_one() -> None:
 
 
 def test_a_warm_fit_that_goes_astray_is_made_up_for() -> None:
-    plan, standing, masks = bridge_after(18.0)
+    plan, standing, masks = bridge_after(22.0)
     found = fit_batch(plan, cameras_of(plan), masks)
     assert found.start == "warm, then cold"
     errors = evaluate(found.result.twin.control_points, found.result.twin.vertices, standing)

@@ -31,19 +31,20 @@ EVERY_VIEW: dict[str, Any] = {"leave_out_views": False}
 WARM: dict[str, Any] = {
     **EVERY_VIEW,
     "refine": (
-        Stage(detail=0.9, blur=1.5, iterations=2, pieces=4, pull=0.12, drag=1.2),
-        Stage(detail=0.9, blur=1.0, iterations=2, pieces=4, pull=0.12, drag=0.4),
+        Stage(detail=0.9, blur=1.5, iterations=1, pieces=4, pull=0.12, drag=1.2),
+        Stage(detail=0.9, blur=1.0, iterations=1, pieces=4, pull=0.12, drag=0.4),
         Stage(detail=1.8, blur=0.7, iterations=2, pieces=6, pull=0.04, drag=0.12, longest=1.5),
     ),
     "finish": (
         Stage(detail=3.6, blur=0.4, iterations=2, pieces=8, pull=0.005, drag=0.08, longest=1.5, share=0.7),
-        Stage(detail=8.0, blur=0.3, iterations=1, pieces=8, pull=0.002, drag=0.04, longest=1.5, share=0.8),
+        Stage(detail=6.0, blur=0.33, iterations=1, pieces=8, pull=0.002, drag=0.04, longest=1.5, share=0.8),
     ),
 }
 """What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a few radii of where
 it starts, so that one more blurred stage does for the coarse ones, and fewer steps do. The error is the same. The last
 stages pull less towards the start, which is no smooth motion of the frame here but the plan. Without the first stage,
-joints that moved by more than about four radii would be lost."""
+joints that moved by more than about four radii would be lost; with more of its steps, more go astray. Pictures that are
+finer than those of the last stage gain nothing."""
 
 MOST_UNCOVERED = 1.0
 """A warm fit is doubted where as many white pixels lie beside the twin as so many typical struts have. Whole prints
