@@ -92,12 +92,20 @@ class Problem:
     def steps(self) -> int:
         """Steps of all stages, as far as is known beforehand."""
         chosen = self.settings
-        stages: tuple[AnyStage, ...] = (*chosen.coarse, *chosen.refine, *chosen.recover, *chosen.finish)
+        stages: tuple[AnyStage, ...] = (
+            *chosen.coarse,
+            *chosen.refine,
+            *chosen.recover,
+            *chosen.finish,
+            *chosen.crisp,
+        )
         return sum(stage.iterations for stage in stages)
 
     def level(self, stage: AnyStage) -> Level:
         """The pictures at the size and blur of a stage."""
         level = self.levels.at(stage.detail, stage.blur)
+        if isinstance(stage, Stage) and stage.spread is not None:
+            level = replace(level, spread=stage.spread)
         return level if self.window is None else self.window.part_of(level, self.scales(level))
 
     def scales(self, level: Level) -> np.ndarray:

@@ -7,6 +7,9 @@ import numpy as np
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.pyramid import KEPT, Level, Pyramid
 
+SPARSE = 4
+"""One row in so many is looked at for grey pixels."""
+
 
 class Levels:
     """Pictures by the apparent thickness of the typical strut, each made when it is first asked for.
@@ -44,6 +47,14 @@ class Levels:
     def view_count(self) -> int:
         """Number of views."""
         return len(self._pyramid.cameras)
+
+    def black_and_white(self, detail: float) -> bool:
+        """Whether the pictures of `at` are pixels of 0 and 1 alone: sharp masks that have not been reduced."""
+        pyramid = self._pyramid
+        if self._scale(detail) < 1.0 or (pyramid.lens is not None and pyramid.lens.any()):
+            return False
+        some = (mask[::SPARSE] for mask in pyramid.masks)  # every outline has its share of rows
+        return all(bool(((rows == 0.0) | (rows == 1.0)).all()) for rows in some)
 
     def of_views(self, chosen: np.ndarray) -> Levels:
         """Those of some of the views alone."""
