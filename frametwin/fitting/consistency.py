@@ -26,7 +26,7 @@ from frametwin.fitting.fast_stages import (
     refine,
     search,
 )
-from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
+from frametwin.fitting.fast_state import Problem, Record, State, crisp_stages, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
@@ -200,9 +200,9 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves
 
 def _crisp_stages(problem: Problem, state: State) -> tuple[Stage, ...]:
     """Those that are gone through after the last stage: none where cameras or joints are not known so closely."""
-    if state.cameras is not None or state.joint_size is not None:
+    if state.cameras is not None or state.joint_size is not None or not problem.levels.black_and_white:
         return ()
-    return tuple(stage for stage in problem.settings.crisp if problem.levels.black_and_white(stage.detail))
+    return crisp_stages(problem.settings, problem.levels)
 
 
 def _crisped(problem: Problem, state: State, stages: tuple[Stage, ...]) -> State:

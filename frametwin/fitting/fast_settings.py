@@ -107,6 +107,8 @@ class FastSettings(Changeable):
     crisp : stages after these, in pictures of black and white alone and at their full size. A rod with edges as hard
         as those of such pictures is held by the pixels next to its outline, each of which is either in or out. These
         bound its place more closely than a mean over them tells it.
+    crisp_reduced : the same where pictures of their full size are larger than these stages ask for. Edges are as hard
+        as the pixels of reduced pictures then.
     learn_thickness, learn_opacity : whether radius and presence are found.
     learn_torn : whether ends of struts may be found torn off their joints.
     degree : of the curves of struts that are bent as no cubic can be; 3 takes every strut for a cubic.
@@ -153,8 +155,11 @@ class FastSettings(Changeable):
         Stage(detail=8.0, blur=0.3, iterations=3, pieces=8, pull=0.01, drag=0.04, longest=1.5, share=0.6),
     )
     crisp: tuple[Stage, ...] = (
-        Stage(detail=12.0, blur=0.0, spread=0.14, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5),
-        Stage(detail=12.0, blur=0.0, spread=0.07, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5),
+        Stage(detail=14.0, blur=0.0, spread=0.14, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5),
+        Stage(detail=14.0, blur=0.0, spread=0.07, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5),
+    )
+    crisp_reduced: tuple[Stage, ...] = (
+        Stage(detail=10.0, blur=0.0, iterations=2, pieces=8, pull=0.01, drag=0.04, longest=1.5),
     )
     learn_thickness: bool = True
     learn_opacity: bool = True
