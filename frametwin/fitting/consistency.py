@@ -193,14 +193,14 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves
         if len(halves.struts):
             state = _sharpened(problem, state, sharp[-1])
     crisp = _crisp_stages(problem, state)
-    last = replace(sharpest, iterations=1) if crisp else sharpest
+    last = replace(sharpest, iterations=1) if crisp and not len(halves.struts) else sharpest
     state = finish(problem, state, last) if sharp else _sharpened(problem, state, last)
     return problem, _crisped(problem, state, crisp).lapped("finish"), torn, halves
 
 
 def _crisp_stages(problem: Problem, state: State) -> tuple[Stage, ...]:
     """Those that are gone through after the last stage: none where cameras or joints are not known so closely."""
-    if state.cameras is not None or state.joint_size is not None or not problem.levels.black_and_white:
+    if state.joint_size is not None or not problem.levels.black_and_white:
         return ()
     return crisp_stages(problem.settings, problem.levels)
 
