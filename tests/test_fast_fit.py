@@ -211,6 +211,29 @@ def test_specks_in_the_pictures_do_no_harm() -> None:
     assert len(missing_struts(twin, simulation.frame.printed)) == 0
 
 
+@pytest.mark.parametrize("name", ["bridge", "half_bowl"])
+def test_pictures_in_black_and_white_are_used_to_the_pixel(name: str) -> None:
+    simulation = simulate(thin(named_frame(name)), SimulationSettings(size=HALF, seed=3))
+    _, closely = fitted(simulation)
+    _, plainly = fitted(simulation, changes={"crisp": ()})
+    assert closely.curves.mean < 0.7 * plainly.curves.mean
+    assert closely.joints.mean < 0.7 * plainly.joints.mean
+
+
+def test_grey_outlines_are_not_taken_for_hard_ones() -> None:
+    simulation = simulate(thin(named_frame("bridge")), SimulationSettings(size=HALF, seed=3, supersampling=4))
+    as_ever, _ = fitted(simulation)
+    without, _ = fitted(simulation, changes={"crisp": (), "crisp_reduced": ()})
+    np.testing.assert_array_equal(as_ever.twin.control_points, without.twin.control_points)
+
+
+def test_pictures_far_larger_than_struts_ask_for_lose_nothing_by_being_reduced() -> None:
+    plan = thin(named_frame("bridge"))
+    errors = [fitted(simulate(plan, SimulationSettings(size=size)))[1] for size in (HALF, (2400, 3200))]
+    assert errors[1].curves.mean < errors[0].curves.mean
+    assert errors[1].joints.mean < errors[0].joints.mean
+
+
 def stubs(length: float = 2.2) -> Wireframe:
     """Posts on a plate, hardly longer than they are thick and a little bent, each alone."""
     feet = np.array([[x, y, 0.0] for x in (0.0, 40.0, 80.0) for y in (0.0, 40.0)])

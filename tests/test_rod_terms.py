@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from rod_cases import FAR_JOINTS, camera_at, level_of, lone_rod, random_scene, shifted, squared_loss, views
@@ -188,3 +189,27 @@ def test_pixels_per_mm_is_focal_length_over_distance() -> None:
     pyramid = Pyramid(cameras, [np.zeros((40, 40))] * 2)
     assert pyramid.pixels_per_mm(np.zeros(3)) == pytest.approx((100.0 / 50.0 + 75.0 / 200.0) / 2.0)
     assert pyramid.pixels_per_mm(np.zeros(3), 0.25) == pytest.approx(pyramid.pixels_per_mm(np.zeros(3)) / 4.0)
+
+
+def test_pictures_that_are_reduced_at_once_are_those_of_their_size() -> None:
+    cameras = [camera_at([60.0, 5.0, 20.0], (48, 64), 90.0), camera_at([0.0, 50.0, 20.0], (24, 36), 40.0)]
+    rng = np.random.default_rng(3)
+    masks = [(rng.random((c.height, c.width)) < 0.5).astype(np.float32) for c in cameras]
+    whole, reduced = Pyramid(cameras, masks), Pyramid(cameras, masks, largest=0.5)
+    assert [mask.shape for mask in reduced.masks] == [(24, 32), (12, 18)]
+    for scale in (0.5, 0.25):
+        one, other = whole.level(scale, 0.6), reduced.level(scale, 0.6)
+        np.testing.assert_allclose(other.target, one.target, atol=1e-6)
+        np.testing.assert_array_equal(other.cameras, one.cameras)
+    both, second = reduced.level(0.5, 0.0), reduced.of_views(np.array([1])).level(0.5, 0.0)
+    np.testing.assert_array_equal(second.target, both.target[both.offsets[1] :])
+
+
+def test_black_and_white_is_told_from_grey_and_from_blur() -> None:
+    cameras = [camera_at([60.0, 5.0, 20.0], (48, 64), 90.0)]
+    disc = cv2.circle(np.zeros((48, 64), dtype=np.float32), (30, 20), 13, 1.0, -1)
+    soft = cv2.GaussianBlur(disc, (0, 0), 0.8)
+    assert Pyramid(cameras, [disc]).black_and_white
+    assert Pyramid(cameras, [disc], largest=0.3).black_and_white  # as they were taken
+    assert not Pyramid(cameras, [soft]).black_and_white
+    assert not Pyramid(cameras, [disc], [1.5]).black_and_white

@@ -312,3 +312,18 @@ def test_a_drawing_that_is_kept_is_that_of_the_same_rods_alone() -> None:
             np.testing.assert_array_equal(kept, fresh)
     other = replace(level, cameras=level.cameras + 1e-3)
     assert not np.array_equal(rods.transmittance(first, other), rods.transmittance(first, level))
+
+
+@pytest.mark.parametrize("pieces", [8, 12])
+def test_a_fine_polyline_lies_as_much_within_a_bend_as_outside_of_it(pieces: int) -> None:
+    handle = 4.0 / 3.0 * np.tan(np.pi / 16.0)  # an eighth of a circle of radius 50
+    turn = np.array([[1.0, 0.0], [1.0, handle], [0.0, 0.0], [np.sqrt(0.5), np.sqrt(0.5)]])
+    turn[2] = turn[3] + handle * np.array([np.sqrt(0.5), -np.sqrt(0.5)])
+    corners = rods.basis(pieces) @ (50.0 * turn)
+    share = np.linspace(0.0, 1.0, 101)[:, None, None]
+    along = corners[:-1] + share * np.diff(corners, axis=0)
+    outside = np.linalg.norm(along, axis=2) - 50.0
+    sagitta = 50.0 * (1.0 - np.cos(np.pi / 8.0 / pieces))  # by which one with its corners on the circle lies within
+    assert abs(outside[:, 1:-1].mean()) < 0.03 * sagitta
+    assert abs(outside).max() < sagitta
+    np.testing.assert_array_equal(corners[[0, -1]], 50.0 * turn[[0, -1]])

@@ -14,8 +14,18 @@ import numpy as np
 from frametwin.fitting import gauge
 from frametwin.fitting.bent import with_bent_struts
 from frametwin.fitting.fast_settings import Stage
-from frametwin.fitting.fast_stages import camera_gain, finish, free_stage, loss_of, noticed, recover, refine, search
-from frametwin.fitting.fast_state import Problem, Record, State, drawn, level_of
+from frametwin.fitting.fast_stages import (
+    camera_gain,
+    finish,
+    free_stage,
+    held_back,
+    loss_of,
+    noticed,
+    recover,
+    refine,
+    search,
+)
+from frametwin.fitting.fast_state import Problem, Record, State, crisp_stages, drawn, level_of
 from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
@@ -187,8 +197,26 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves
         plan, problem, state, torn, halves = with_bent_struts(plan, problem, state, torn)
         if len(halves.struts):
             state = _sharpened(problem, state, sharp[-1])
-    state = finish(problem, state, sharpest) if sharp else _sharpened(problem, state, sharpest)
-    return problem, state.lapped("finish"), torn, halves
+    crisp = _crisp_stages(problem, state)
+    last = replace(sharpest, iterations=1) if crisp and not len(halves.struts) else sharpest
+    state = finish(problem, state, last) if sharp else _sharpened(problem, state, last)
+    return problem, _crisped(problem, state, crisp).lapped("finish"), torn, halves
+
+
+def _crisp_stages(problem: Problem, state: State) -> tuple[Stage, ...]:
+    """Those that are gone through after the last stage: none where cameras or joints are not known so closely."""
+    if state.joint_size is not None or not problem.levels.black_and_white:
+        return ()
+    return crisp_stages(problem.settings, problem.levels)
+
+
+def _crisped(problem: Problem, state: State, stages: tuple[Stage, ...]) -> State:
+    """After stages in pictures of black and white; errors are still told by the terms of those before."""
+    terms = state.terms
+    for stage in stages:
+        held, own = held_back(problem, state, stage)
+        state = free_stage(held, state, own)
+    return replace(state, terms=terms)
 
 
 def _shortened(problem: Problem, stage: Stage) -> Stage:

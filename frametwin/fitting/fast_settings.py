@@ -69,6 +69,7 @@ class Stage:
     drag : weight of the elastic energy of each step.
     share : of each step that is gone. Rods that share a pixel are taken one by one, so that at joints, where they all
         move together, a whole step in sharp pictures would swing from side to side.
+    spread : of the rods' edges in pixels, where it shall not be that of a pixel and the blur.
 
     Raises
     ------
@@ -84,6 +85,7 @@ class Stage:
     drag: Weight
     longest: Cap = 1.0
     share: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 1.0
+    spread: Annotated[float, within(0.01, 10.0)] | None = None
 
     def __post_init__(self) -> None:
         check_settings(self, "stage")
@@ -102,6 +104,11 @@ class FastSettings(Changeable):
     refine : stages with every joint and strut free.
     recover : stages after struts that were seen to be astray have been put where their neighbours expect them.
     finish : last stages.
+    crisp : stages after these, in pictures of black and white alone and at their full size. A rod with edges as hard
+        as those of such pictures is held by the pixels next to its outline, each of which is either in or out. These
+        bound its place more closely than a mean over them tells it.
+    crisp_reduced : the same where pictures of their full size are larger than these stages ask for. Edges are as hard
+        as the pixels of reduced pictures then.
     learn_thickness, learn_opacity : whether radius and presence are found.
     learn_torn : whether ends of struts may be found torn off their joints.
     degree : of the curves of struts that are bent as no cubic can be; 3 takes every strut for a cubic.
@@ -146,6 +153,13 @@ class FastSettings(Changeable):
     finish: Annotated[tuple[Stage, ...], some("one stage or more")] = (
         Stage(detail=3.6, blur=0.4, iterations=3, pieces=8, pull=0.02, drag=0.08, longest=1.5, share=0.7),
         Stage(detail=8.0, blur=0.3, iterations=3, pieces=8, pull=0.01, drag=0.04, longest=1.5, share=0.6),
+    )
+    crisp: tuple[Stage, ...] = (
+        Stage(detail=14.0, blur=0.0, spread=0.14, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5),
+        Stage(detail=14.0, blur=0.0, spread=0.07, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5),
+    )
+    crisp_reduced: tuple[Stage, ...] = (
+        Stage(detail=10.0, blur=0.0, iterations=2, pieces=8, pull=0.01, drag=0.04, longest=1.5),
     )
     learn_thickness: bool = True
     learn_opacity: bool = True

@@ -159,17 +159,22 @@ def _whole(state: State) -> np.ndarray:
 
 
 def finish(problem: Problem, state: State, stage: Stage) -> State:
-    """One of the last stages; until it settles where a print is strained or its joints have sizes of their own.
+    """One of the last stages; until it settles where a print is strained or its joints have sizes of their own."""
+    problem, stage = held_back(problem, state, stage)
+    slow = state.strained or state.joint_size is not None or state.cameras is not None
+    return until_settled(problem, state, stage) if slow else free_stage(problem, state, stage, near=NEAR_LAST)
+
+
+def held_back(problem: Problem, state: State, stage: Stage) -> tuple[Problem, Stage]:
+    """The problem and one of its last stages as they hold the frame back.
 
     A strained print is not held back any more, but for struts of which a part is missing: by what little is seen of
     them they would be bent at will.
     """
-    if state.strained:
-        stage = loosened(stage)
-        held = problem.elastic.stiffened(np.where(_whole(state), 1.0, 1.0 / LOOSE))
-        problem = replace(problem, elastic=held)
-    slow = state.strained or state.joint_size is not None or state.cameras is not None
-    return until_settled(problem, state, stage) if slow else free_stage(problem, state, stage, near=NEAR_LAST)
+    if not state.strained:
+        return problem, stage
+    held = problem.elastic.stiffened(np.where(_whole(state), 1.0, 1.0 / LOOSE))
+    return replace(problem, elastic=held), loosened(stage)
 
 
 def free_stage(

@@ -37,6 +37,17 @@ from frametwin.raster.rods import Rods, Terms, ViewTerms
 AnyStage = CoarseStage | Stage
 
 
+def crisp_stages(settings: FastSettings, levels: Levels) -> tuple[Stage, ...]:
+    """The very last stages of pictures in black and white, at their full size or reduced."""
+    full = all(levels.scale(stage.detail) == 1.0 for stage in settings.crisp)
+    return settings.crisp if full else settings.crisp_reduced
+
+
+def _all_stages(settings: FastSettings, levels: Levels) -> tuple[AnyStage, ...]:
+    last = crisp_stages(settings, levels)
+    return (*settings.coarse, *settings.refine, *settings.recover, *settings.finish, *last)
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """What stays as it is during a fit.
@@ -84,20 +95,23 @@ class Problem:
         """The problem of a frame and its pictures; see `frametwin.fitting.part_fit.Fitter`."""
         elastic = ElasticFrame(frame)
         parts = cropped(frame, cameras, masks)
-        levels = Levels(frame, Pyramid(*parts, lens_blurs(elastic, *parts)))
+        cameras_seen, seen = parts
+        asked = Levels(frame, Pyramid(cameras_seen, []))  # for their sizes alone
+        largest = max(asked.scale(stage.detail) for stage in _all_stages(settings, asked))
+        levels = Levels(frame, Pyramid(cameras_seen, seen, lens_blurs(elastic, *parts), largest))
         known = rig_covariances(cameras, settings.rig_errors)
         return cls(frame, elastic, levels, settings, known, callback)
 
     @property
     def steps(self) -> int:
         """Steps of all stages, as far as is known beforehand."""
-        chosen = self.settings
-        stages: tuple[AnyStage, ...] = (*chosen.coarse, *chosen.refine, *chosen.recover, *chosen.finish)
-        return sum(stage.iterations for stage in stages)
+        return sum(stage.iterations for stage in _all_stages(self.settings, self.levels))
 
     def level(self, stage: AnyStage) -> Level:
         """The pictures at the size and blur of a stage."""
         level = self.levels.at(stage.detail, stage.blur)
+        if isinstance(stage, Stage) and stage.spread is not None:
+            level = replace(level, spread=stage.spread)
         return level if self.window is None else self.window.part_of(level, self.scales(level))
 
     def scales(self, level: Level) -> np.ndarray:

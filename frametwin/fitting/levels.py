@@ -45,13 +45,18 @@ class Levels:
         """Number of views."""
         return len(self._pyramid.cameras)
 
+    @property
+    def black_and_white(self) -> bool:
+        """Whether the full pictures are sharp masks, of pixels of 0 and 1 alone."""
+        return self._pyramid.black_and_white
+
+    def scale(self, detail: float) -> float:
+        """Of the pictures of `at`, relative to the full ones."""
+        return min(1.0, detail / (self._density * self._radius))
+
     def of_views(self, chosen: np.ndarray) -> Levels:
         """Those of some of the views alone."""
-        pyramid = self._pyramid
-        lens = None if pyramid.lens is None else pyramid.lens[chosen]
-        return Levels(
-            self._frame, Pyramid([pyramid.cameras[i] for i in chosen], [pyramid.masks[i] for i in chosen], lens)
-        )
+        return Levels(self._frame, self._pyramid.of_views(chosen))
 
     def at(self, detail: float, blur: float) -> Level:
         """The pictures reduced, never enlarged, and blurred.
@@ -63,7 +68,7 @@ class Levels:
         blur : float, pixels
             Of the reduced pictures.
         """
-        scale = self._scale(detail)
+        scale = self.scale(detail)
         key = (scale, blur)
         if key not in self._made:
             self._made = {other: level for other, level in self._made.items() if other[0] < KEPT}
@@ -72,7 +77,4 @@ class Levels:
 
     def pixels_per_mm(self, detail: float) -> float:
         """How many pixels of the pictures of `at` a millimetre of the frame covers."""
-        return self._scale(detail) * self._density
-
-    def _scale(self, detail: float) -> float:
-        return min(1.0, detail / (self._density * self._radius))
+        return self.scale(detail) * self._density

@@ -82,9 +82,9 @@ def mask_itself(image: np.ndarray) -> np.ndarray | None:
     grey = image if image.ndim == 2 else image[..., 0]
     if image.ndim == 3 and not (image == grey[..., None]).all():
         return None
-    low, high = int(grey.min()), int(grey.max())
-    if low < high and ((grey == low) | (grey == high)).all():  # two values, be they 0 and 1 or 0 and 255
-        return (grey == high).astype(np.float32)
+    values = np.flatnonzero(cv2.calcHist([np.ascontiguousarray(grey)], [0], None, [256], [0.0, 256.0]))
+    if len(values) == 2:  # be they 0 and 1 or 0 and 255
+        return (grey == values[1]).astype(np.float32)
     if image.ndim == 2 or _is_grey_mask(grey):
         return grey.astype(np.float32) / 255.0
     return None

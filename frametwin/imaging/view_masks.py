@@ -198,7 +198,7 @@ def _read(frame: Wireframe, view: View, hidden: np.ndarray | None, method: Metho
     mask = binarise_photo(image, reference) if itself is None else itself
     reason, remedy = content_problem(mask)
     straight = undistort(mask, view.camera)
-    if not reason and not (straight > 0.5).any():
+    if not reason and straight is not mask and not (straight > 0.5).any():
         reason = "shows nothing of the print once its lens distortion is removed"
         remedy = "calibrate the camera again"
     if valid is not None:

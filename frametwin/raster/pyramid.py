@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import sqrt
@@ -18,6 +19,9 @@ PIXEL_VARIANCE = 1.0 / 12.0
 
 SLIGHT = 0.7
 """Blur of a lens in pixels below which struts are blurred one by one, as they are drawn."""
+
+SPARSE = 8
+"""One row in so many is looked at for grey pixels: every outline has its share of them."""
 
 KEPT = 0.5
 """Largest share of their size at which reduced pictures are kept; larger ones would fill the memory."""
@@ -87,6 +91,26 @@ def _resized(camera: Camera, width: int, height: int) -> Camera:
     return camera.resized(width, height)
 
 
+def _size(width: int, height: int, scale: float) -> tuple[int, int]:
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
+def _of_size(mask: np.ndarray, width: int, height: int) -> np.ndarray:
+    """A picture reduced by area."""
+    same = mask.shape == (height, width)
+    return mask if same else np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def _as_reduced(mask: np.ndarray, scale: float) -> np.ndarray:
+    reduced = _of_size(np.asarray(mask, dtype=np.float32), *_size(mask.shape[1], mask.shape[0], scale))
+    return np.ascontiguousarray(reduced)
+
+
+def _of_two_values(mask: np.ndarray) -> bool:
+    rows = mask[::SPARSE]
+    return bool(((rows == 0.0) | (rows == 1.0)).all())
+
+
 class Pyramid:
     """Masks that are reduced by area and blurred on demand.
 
@@ -98,15 +122,35 @@ class Pyramid:
         One (H, W) picture a camera, 0..1, of the camera's size.
     lens
         Blur of each picture by its lens, standard deviation in pixels; none by default.
+    largest
+        Scale of the largest pictures that will be asked for. Only these are kept.
+
+    Attributes
+    ----------
+    black_and_white : bool
+        Whether the pictures are sharp, with pixels of 0 and 1 alone, before they are reduced.
     """
 
     def __init__(
-        self, cameras: Sequence[Camera], masks: Sequence[np.ndarray], lens: Sequence[float] | np.ndarray | None = None
+        self,
+        cameras: Sequence[Camera],
+        masks: Sequence[np.ndarray],
+        lens: Sequence[float] | np.ndarray | None = None,
+        largest: float = 1.0,
     ) -> None:
         self.cameras = tuple(cameras)
         self.lens = None if lens is None else np.asarray(lens, dtype=np.float64)
-        self.masks = tuple(np.ascontiguousarray(mask, dtype=np.float32) for mask in masks)
+        self.black_and_white = (self.lens is None or not self.lens.any()) and all(map(_of_two_values, masks))
+        self.masks = tuple(_as_reduced(mask, largest) for mask in masks)
         self._last: tuple[float, tuple[list[Camera], list[np.ndarray]]] = (0.0, ([], []))
+
+    def of_views(self, chosen: np.ndarray) -> Pyramid:
+        """That of some of the views alone."""
+        part = copy(self)
+        part.cameras, part.masks = (tuple(kept[i] for i in chosen) for kept in (self.cameras, self.masks))
+        part.lens = None if self.lens is None else self.lens[chosen]
+        part._last = (0.0, ([], []))
+        return part
 
     def level(self, scale: float, blur: float) -> Level:
         """The views at ``scale`` of their size, blurred by ``blur`` pixels of that size.
@@ -136,10 +180,9 @@ class Pyramid:
             return self._last[1]
         cameras, pictures = [], []
         for camera, mask in zip(self.cameras, self.masks, strict=True):
-            width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
-            picture = mask if scale == 1.0 else cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
+            width, height = _size(camera.width, camera.height, scale)
             cameras.append(_resized(camera, width, height))
-            pictures.append(np.asarray(picture))
+            pictures.append(_of_size(mask, width, height))
         if scale <= KEPT:
             self._last = (scale, (cameras, pictures))
         return cameras, pictures

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -104,9 +105,29 @@ class ViewTerms:
         )
 
 
+FINE = 8
+"""Pieces from which a polyline is to be where its curve is: with fewer, a strut is only looked for."""
+
+
+@lru_cache(maxsize=64)
 def basis(pieces: int) -> np.ndarray:
-    """(P+1, 4) Bernstein values that give a polyline's points from the control points."""
-    return bezier.bernstein(3, np.linspace(0.0, 1.0, pieces + 1))
+    """(P+1, 4) array that gives a polyline's points from the control points.
+
+    From `FINE` pieces on it is the one that is nearest to the curve of all that have its ends, by least squares. With
+    its corners on the curve it would lie on the inner side of every bend, and a fit would move the strut outwards to
+    make up for it.
+    """
+    corners = np.linspace(0.0, 1.0, pieces + 1)
+    result = bezier.bernstein(3, corners)
+    if pieces < FINE:
+        return result
+    nodes, weights = np.polynomial.legendre.leggauss(4)  # exact for what is multiplied below
+    u = (corners[:-1, None] + 0.5 * (nodes + 1.0) / pieces).ravel()
+    hats = np.maximum(0.0, 1.0 - np.abs(pieces * u[:, None] - np.arange(pieces + 1)))
+    weighted = np.tile(weights, pieces)[:, None] * hats[:, 1:-1]
+    wanted = bezier.bernstein(3, u) - hats[:, [0, -1]] @ result[[0, -1]]
+    result[1:-1] = np.linalg.solve(weighted.T @ hats[:, 1:-1], weighted.T @ wanted)
+    return result
 
 
 KEPT = 4_000_000
