@@ -7,8 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from frametwin.geometry import bezier
-from frametwin.raster import rod_kernels
+from frametwin.raster.kept_loops import KeptLoops
 from frametwin.raster.pyramid import Level
+
+rod_kernels = KeptLoops("frametwin.raster.rod_kernels")
+
+DARK = 1e-6
+"""Least transmittance, as of the loops."""
 
 
 @dataclass(eq=False)
@@ -171,7 +176,7 @@ def sharp_transmittance(rods: Rods, level: Level) -> np.ndarray:
     )
     if level.behind is not None:
         np.multiply(result, level.behind, out=result)
-        np.maximum(result, np.float32(rod_kernels.DARK), out=result)
+        np.maximum(result, np.float32(DARK), out=result)
     return result
 
 
