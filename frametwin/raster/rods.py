@@ -114,7 +114,7 @@ def basis(pieces: int) -> np.ndarray:
     return bezier.bernstein(3, np.linspace(0.0, 1.0, pieces + 1))
 
 
-KEPT = 4_000_000
+KEPT = 12_000_000
 """Most pixels of a level whose last drawing is kept: the stages of a fit ask for one and the same several times."""
 
 
@@ -142,10 +142,10 @@ def _kept(level: Level, what: str, drawing: tuple[np.ndarray, ...]) -> np.ndarra
     return result if same else None
 
 
-def transmittance(rods: Rods, level: Level) -> np.ndarray:
+def transmittance(rods: Rods, level: Level, keep: bool = True) -> np.ndarray:
     """Flat (pixels,) float32 share of the background that is seen through the rods; the picture is 1 minus it.
 
-    It may be handed out again: it is not to be changed.
+    It may be handed out again: it is not to be changed. What is drawn once alone need not be kept in place of the last.
     """
     drawing = _drawing(rods)
     found = _kept(level, "transmittance", drawing)
@@ -153,7 +153,7 @@ def transmittance(rods: Rods, level: Level) -> np.ndarray:
         return found
     result = sharp_transmittance(rods, level)
     level.defocus(result)
-    if result.size <= KEPT:
+    if keep and result.size <= KEPT:
         level.kept["transmittance"] = (drawing, result)
     return result
 
@@ -192,9 +192,9 @@ def plain_evidence(rods: Rods, level: Level) -> np.ndarray:
     return result
 
 
-def squared_loss(rods: Rods, level: Level) -> float:
-    """Half the sum of squared residuals over all views."""
-    return float(_compared(transmittance(rods, level), level)[1].sum())
+def squared_loss(rods: Rods, level: Level, keep: bool = True) -> float:
+    """Half the sum of squared residuals over all views; see `transmittance`."""
+    return float(_compared(transmittance(rods, level, keep), level)[1].sum())
 
 
 def gauss_newton(rods: Rods, level: Level) -> Terms:
