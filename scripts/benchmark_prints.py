@@ -3,7 +3,8 @@
 Cameras are told with the errors of a good calibration (0.05 degrees, 0.3 mm), joints have blobs of 1.5 radii, and the
 material differs from print to print by up to 30 % in each of flow, hardening, rest and stiffness along the strut.
 ``first`` knows nothing of the material, ``forecast`` what some earlier prints of the frame with other seeds have told,
-one after the other, and ``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in
+one after the other, ``coupon`` lays a test coupon first and knows nothing else, ``both`` has a coupon and earlier
+prints, and ``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in
 all of them. The simulated print knows nothing of twins or forecasts, and the job sees nothing but pictures.
 """
 
@@ -21,6 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modules beside this one
 
+from frametwin.cli.print_common import COUPON
 from frametwin.errors import InputError
 from frametwin.files import read_json, staged_directory
 from frametwin.geometry.wireframe import Wireframe
@@ -40,7 +42,12 @@ WAYS: dict[str, dict[str, Any]] = {
     "paper": {"anticipate": False, "compensate": False},
     "first": {},
     "forecast": {},
+    "coupon": {"coupon": COUPON},
+    "both": {"coupon": COUPON},
 }
+INFORMED = ("forecast", "both")
+"""Ways that know of earlier prints."""
+
 EARLIER = 1_000_000
 """Seed of the first print from which a material is learnt, the others following: none of those that are reported."""
 
@@ -132,10 +139,10 @@ class Bench:
 
     def once(self, name: str, frame: Wireframe, way: str, seed: int) -> None:
         """Print once, with what is to be known of the material, unless that was done before."""
-        wanted = (name, way, seed, self.earlier if way == "forecast" else 0)
+        wanted = (name, way, seed, self.earlier if way in INFORMED else 0)
         if any((one["name"], one["way"], one["seed"], one["earlier"]) == wanted for one in self.results):
             return
-        self.run(name, frame, way, seed, self.material(name, frame, self.earlier) if way == "forecast" else None)
+        self.run(name, frame, way, seed, self.material(name, frame, self.earlier) if way in INFORMED else None)
 
     def run(
         self, name: str, frame: Wireframe, way: str, seed: int, material: Path | None, keep: Path | None = None

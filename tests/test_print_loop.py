@@ -29,6 +29,7 @@ from frametwin.printing.job.plan_job import PlanOptions, cut_batches, plan_order
 from frametwin.printing.job.requeue import laid_again
 from frametwin.printing.job.watch import Watch
 from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.given_order import order_of_frame
 from frametwin.printing.sequencing.reachability import OrderSettings
 from frametwin.printing.simulation.simulate import SimulationOptions, draw_print, simulate_print
 from frametwin.printing.simulation.simulated_pictures import SimulatedRig
@@ -112,7 +113,9 @@ def test_the_order_of_a_frames_batches_is_kept_and_looked_at_more_often() -> Non
     frame = named_frame("bridge")
     assert np.bincount(frame.batch).max() == 20
     for size, most in ((None, 8), (20, 20), (5, 5)):
-        sequence = plan_order(frame, OrderSettings(batch_size=size, allow_contact=True), None, cut=True)
+        sequence = plan_order(
+            frame, OrderSettings(batch_size=size, allow_contact=True), order_of_frame(frame), cut=True
+        )
         assert np.bincount(sequence.batch).max() <= most
         assert (np.diff(frame.batch[sequence.struts]) >= 0).all()
 

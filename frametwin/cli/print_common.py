@@ -115,6 +115,10 @@ def order_options(function: Function) -> Function:
     return function
 
 
+COUPON = 20
+"""Struts of a coupon: each flows by 30 % faster or slower than the others, their mean by 7."""
+
+
 def loop_options(function: Function) -> Function:
     """Add the options that say how a job goes on from batch to batch."""
     for option in reversed(
@@ -139,6 +143,16 @@ def loop_options(function: Function) -> Function:
             ),
             click.option(
                 "--material", type=FOLDER, help="What an earlier job has learnt: that JOB, or its material.json."
+            ),
+            click.option(
+                "--coupon",
+                type=click.IntRange(0, 1000),
+                is_flag=False,
+                flag_value=COUPON,
+                default=0,
+                metavar="[STRUTS]",
+                help="First lay so many single struts around the frame, which droop and tell of the material.  "
+                f"[default: none; {COUPON} where no number is given]",
             ),
             click.option(
                 "--reprint/--no-reprint",

@@ -82,6 +82,7 @@ class SimulateOptions:
     anticipate: bool | None
     compensate: bool | None
     material: Path | None
+    coupon: int
     reprint: bool | None
     seed: int
     render: str
@@ -105,7 +106,7 @@ class SimulateOptions:
     @property
     def plan(self) -> dict[str, Any]:
         """Fields of `frametwin.printing.job.plan_job.PlanOptions`."""
-        names = ("batch_size", "max_tilt_deg", *NOZZLE)
+        names = ("batch_size", "max_tilt_deg", "coupon", *NOZZLE)
         reprint = not self.blind if self.reprint is None else self.reprint
         return {
             **steering(self.way, self.anticipate, self.compensate, not self.blind),

@@ -125,7 +125,7 @@ def _figures(job: PrintJob, batch: int, answer: Answer) -> dict[str, Any]:
         "standing": told.get("standing"),
         "lost": len(told["lost"]),
         "e_max": outcome.get("e_max", told.get("e_max")),
-        "deviation": _deviation(job.design, standing),
+        "deviation": _deviation(job.design, standing, job.settings.of_frame(job.design)),
         "twin_seconds": seconds.get("total") if "twin" in seconds else None,
         "printing_seconds": outcome.get("seconds"),
         "collapsed": outcome.get("collapsed") is True,
@@ -138,9 +138,10 @@ def _accepted(told: dict[str, Any]) -> list[str]:
     return [str(doubt.get("kind", "?")) for doubt in doubts if isinstance(doubt, dict)]
 
 
-def _deviation(design: Wireframe, standing: Wireframe) -> float | None:
-    """Mean over the standing struts of their largest distance from the design in mm."""
-    if not standing.printed.any():
+def _deviation(design: Wireframe, standing: Wireframe, judged: np.ndarray) -> float | None:
+    """Mean over the standing ones of the struts ``judged`` (E,) of their largest distance from the design in mm."""
+    judged = judged & standing.printed
+    if not judged.any():
         return None
     away = strut_displacements(standing.control_points - design.control_points, SAMPLES)
-    return float(away[standing.printed].mean())
+    return float(away[judged].mean())

@@ -48,6 +48,7 @@ def aimed(
     fit: MaterialFit,
     state: PrintState,
     batches: Sequence[np.ndarray],
+    wanted: np.ndarray | None = None,
 ) -> Wireframe:
     """Aim what is still to be laid.
 
@@ -65,16 +66,19 @@ def aimed(
         Of the print, as ``adapted`` has it.
     batches
         Struts of each batch still to come, in order.
+    wanted : (E,) bool array, optional
+        Struts that are aimed, all by default; the others are laid as they are planned.
     """
-    trust, free = fit.trust, ~state.there
+    wanted = np.ones(design.strut_count, dtype=bool) if wanted is None else wanted
+    trust, free = fit.trust, ~state.there & design.replace(printed=wanted).printed_vertices()
     if trust == 0.0 or not len(batches):
         return adapted
     start = np.where(free[:, None], targets, state.points)
-    goal, bows = _joint_aims(design, start, fit, state, batches)
+    goal, bows = _joint_aims(design, start, free, fit, state, batches)
     plan = adapted.moved_to(np.where(free[:, None], goal, adapted.vertices))
     most = LARGEST_BOW * design.lengths[:, None, None] / np.maximum(np.linalg.norm(bows, axis=2, keepdims=True), 1e-12)
     curves = np.array(design.moved_to(plan.vertices).control_points)
-    curves[:, 1:3] -= trust * np.minimum(1.0, most) * bows
+    curves[:, 1:3] -= np.where(wanted, trust, 0.0)[:, None, None] * np.minimum(1.0, most) * bows
     curves[:, 1:3] = _above_plate(curves[:, 1:3], design.control_points[:, 1:3], design)
     return plan.replace(control_points=np.where(plan.printed[:, None, None], plan.control_points, curves))
 
@@ -119,10 +123,15 @@ def remaining_movement(
 
 
 def _joint_aims(
-    design: Wireframe, targets: np.ndarray, fit: MaterialFit, state: PrintState, batches: Sequence[np.ndarray]
+    design: Wireframe,
+    targets: np.ndarray,
+    free: np.ndarray,
+    fit: MaterialFit,
+    state: PrintState,
+    batches: Sequence[np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where to aim the joints still to be laid, the best of a few rounds, and the bows of the struts there."""
-    trust, free = fit.trust, ~state.there
+    """Where to aim the joints that are ``free``, the best of a few rounds, and the bows of the struts there."""
+    trust = fit.trust
     cap, limit = STEP_SHARE * float(np.median(design.lengths)), LIMIT_SHARE * design.extent
     best, left, wanted, bowed = targets, np.inf, targets, np.zeros((design.strut_count, 2, 3))
     share, tried = RELAXATION, targets

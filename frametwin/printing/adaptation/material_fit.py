@@ -44,7 +44,7 @@ BELIEVED = (LAID**2 + SHIFTED**2) / DOUBT**2
 twins are off by, and say little for or against a forecast."""
 
 MODEL_ERROR = 0.05
-"""Standard deviation of what the model misses, as a share of the movement."""
+"""Standard deviation along each axis of what the model misses, as a share of the movement."""
 
 STRUT_SPEED, STRUT_PULL = 0.3, 0.1
 """Standard deviations from strut to strut: of the logarithm of how fast it flows, and of the sideways pull as a share
@@ -61,6 +61,10 @@ MOST_VARIANCE = 1.0
 
 LARGEST_STEP = 2.0
 """Most by which the logarithm of the weight may change with one twin: the model is linear only nearby."""
+
+LARGEST_TURN = 0.25
+"""Angle in rad by which one strut of a joint at least must not have turned from its plan: the model is one of small
+displacements, and a strut that is falling over, or has, says nothing by how far."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +209,7 @@ class MaterialFit:
         """
         there = record.state.there | self._ends(record.struts)
         joints = np.flatnonzero(there & self._ends(record.standing) & ~self.model.design.grounded)
-        seen = record.known[joints]
+        seen = (record.known & self._foretellable(record))[joints]
         if not len(joints):
             return self
         began = self._joined_by(record)
@@ -226,6 +230,18 @@ class MaterialFit:
         total = began.covariance.copy()
         total[np.ix_(place.active, place.active)] = place.corrected(covariance, np.repeat(seen, 3), noise)
         return replace(fit, covariance=total, skill=(*self.skill, fit._skill(record, joints[seen], parts))[-3:])
+
+    def _foretellable(self, record: BatchRecord) -> np.ndarray:
+        """(V,) bool: joints that move as the model has it: some strut there has not turned far."""
+        design = self.model.design
+        now = np.where(record.known[:, None], record.state.points + record.moved, record.state.points)
+        struts = np.flatnonzero(record.standing)
+        ends = design.edges[struts]
+        planned, chord = (points[ends[:, 1]] - points[ends[:, 0]] for points in (design.vertices, now))
+        along = np.sum(planned * chord, axis=1) / (np.linalg.norm(planned, axis=1) * np.linalg.norm(chord, axis=1))
+        upright = np.zeros(design.vertex_count, dtype=bool)
+        upright[ends[along > np.cos(LARGEST_TURN)].ravel()] = True
+        return upright
 
     def _told_apart(self, struts: np.ndarray) -> np.ndarray:
         """Rows of the values that struts depend on."""
@@ -253,7 +269,8 @@ class MaterialFit:
     def _missed(self, moved: np.ndarray) -> np.ndarray:
         """Variance of what the model misses of movements, and of how what twins are off by changes, square mm."""
         error = MODEL_ERROR if len(self.values) > len(GLOBAL) else COARSE_ERROR
-        return np.asarray(SEEN_LATER**2 + (error * moved) ** 2)
+        far = np.linalg.norm(moved.reshape(-1, 3), axis=1)
+        return np.asarray(SEEN_LATER**2 + (error * np.repeat(far, 3)) ** 2)
 
     def _changed(self, place: StateRows, change: np.ndarray, moved: np.ndarray) -> MaterialFit:
         """With the joints moved, and then everything that is active changed."""

@@ -291,7 +291,8 @@ def _continuation(step: AnsweredStep, found: _Found | None, options: AnswerOptio
         return Continuation(step.expected.frame, sequence, none)
     again = none
     if step.settings.reprint if options.reprint is None else options.reprint:
-        again = np.setdiff1d(sequence.struts[sequence.batch <= batch], np.flatnonzero(found.adapted.printed))
+        wanted = step.settings.of_frame(step.design) & ~found.adapted.printed
+        again = np.setdiff1d(sequence.struts[sequence.batch <= batch], np.flatnonzero(~wanted))
         sequence = laid_again(sequence, again, batch)
     frame, laid = step.expected.frame, len(step.expected.laid)
     seen = (*step.seen, Observation.of(batch, frame, found.fit.result.twin, before=step.before, struts=laid))
@@ -376,6 +377,7 @@ def _plan_content(step: AnsweredStep, going: Continuation) -> dict[str, Any]:
     standing = adapted.printed
     lost = step.expected.sequence.laid_before(batch + 1, frame.strut_count) & ~standing
     moved = np.flatnonzero((adapted.control_points != frame.control_points).any(axis=(1, 2)) & ~standing)
+    judged = standing & step.settings.of_frame(step.design)
     return {
         "batch": batch,
         "adapted": step.settings.adapt,
@@ -384,7 +386,7 @@ def _plan_content(step: AnsweredStep, going: Continuation) -> dict[str, Any]:
         "lost": np.flatnonzero(lost),
         "again": going.again,
         "moved": moved,
-        "e_max": largest_deviation(step.design.control_points[standing], adapted.control_points[standing]),
+        "e_max": largest_deviation(step.design.control_points[judged], adapted.control_points[judged]),
     }
 
 

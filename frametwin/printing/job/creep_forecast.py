@@ -36,18 +36,22 @@ class CreepForecast:
         When each strut was laid, at the pace of the model.
     clock
         Seconds since the print began.
+    coupon
+        How many of the last struts are a test coupon, which is laid as it is planned.
     """
 
     fit: MaterialFit
     plan: Wireframe
     laid_at: np.ndarray
     clock: float = 0.0
+    coupon: int = 0
 
     @classmethod
-    def start(cls, design: Wireframe, known: MaterialEstimate | None = None) -> CreepForecast:
+    def start(cls, design: Wireframe, known: MaterialEstimate | None = None, coupon: int = 0) -> CreepForecast:
         """Before the first batch."""
         fit = MaterialFit.start(CreepModel(design, PrintSettings()), known)
-        return cls(fit, design.replace(printed=[False] * design.strut_count), np.zeros(design.strut_count))
+        plan, laid_at = design.replace(printed=[False] * design.strut_count), np.zeros(design.strut_count)
+        return cls(fit, plan, laid_at, coupon=coupon)
 
     @property
     def design(self) -> Wireframe:
@@ -99,7 +103,8 @@ class CreepForecast:
         if resize:
             sequence = self._all_resized(sequence, batch, start)
         batches = [sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)]
-        return aimed(self.design, self.plan, start, self.fit, state, batches)
+        frame = np.arange(self.design.strut_count) < self.design.strut_count - self.coupon
+        return aimed(self.design, self.plan, start, self.fit, state, batches, frame)
 
     def resized(self, sequence: PrintSequence, batch: int) -> PrintSequence:
         """The order with as many struts in a batch as suit the drift that is expected while it is laid."""

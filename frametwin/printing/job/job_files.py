@@ -35,9 +35,10 @@ from frametwin.checked_json import convert_fields, told_of
 from frametwin.errors import InputError
 from frametwin.files import check_format, file_hash, read_json, write_json
 from frametwin.fitting.fast_settings import CAMERAS
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.toolpath.robot_files import RobotSettings
-from frametwin.ranges import check_settings, one_of
+from frametwin.ranges import at_least, check_settings, one_of
 
 FORMAT = "frametwin-print-job"
 REPORT_FORMAT = "frametwin-print-report"
@@ -81,6 +82,9 @@ class JobSettings:
         pictures ask for it; ``exact`` takes them as they are.
     limits
         When the job stops.
+    coupon
+        How many of the last struts are a test coupon, by which no print is judged; see
+        `frametwin.printing.process.coupon`.
 
     Raises
     ------
@@ -97,12 +101,17 @@ class JobSettings:
     resize: bool = False
     cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     limits: GuardLimits = field(default_factory=GuardLimits)
+    coupon: Annotated[int, at_least(0)] = 0
 
     def __post_init__(self) -> None:
         check_settings(self)
         for name in ("anticipate", "compensate", "reprint"):
             if getattr(self, name) and not self.adapt:
                 raise InputError.at("settings", name, "needs twins to go by", "let the job adapt, or leave it out")
+
+    def of_frame(self, design: Wireframe) -> np.ndarray:
+        """(E,) bool: struts of the frame itself, without those of a coupon."""
+        return np.arange(design.strut_count) < design.strut_count - self.coupon
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""
@@ -119,7 +128,7 @@ class JobSettings:
             If a setting is missing, unknown or of another kind.
         """
         # Jobs that were planned before there were these choices do what they did then.
-        data = {"anticipate": False, "cameras": "exact", "forecast": "linear", "resize": False, **data}
+        data = {"anticipate": False, "cameras": "exact", "forecast": "linear", "resize": False, "coupon": 0, **data}
         missing = [item.name for item in fields(cls) if item.name not in data]
         if missing:
             raise InputError.at(source, f"settings.{missing[0]}", "is missing", "plan the job again")

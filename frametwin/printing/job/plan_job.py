@@ -14,12 +14,13 @@ from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import for_next_print, read_usual
-from frametwin.printing.adaptation.material_fit import MaterialEstimate
+from frametwin.printing.adaptation.material_fit import GUESS, MaterialEstimate
 from frametwin.printing.adaptation.printability import Outlook, first_fall, outlook
-from frametwin.printing.job.creep_forecast import CreepForecast
+from frametwin.printing.job.creep_forecast import UNTRUSTED_SIZE, CreepForecast
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
+from frametwin.printing.process.coupon import with_coupon
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
@@ -65,6 +66,8 @@ class PlanOptions:
         Of the tip in mm/s.
     robot, tool
         The arm, and the length of its tool in mm; see `frametwin.printing.toolpath.robot_files.RobotSettings`.
+    coupon
+        Struts of a test coupon that are laid around the frame first; see `frametwin.printing.process.coupon`.
     adapt, anticipate, compensate, reprint, cameras
         See `JobSettings`; a job that does not adapt does not anticipate
         or compensate either.
@@ -90,6 +93,7 @@ class PlanOptions:
     max_speed: Annotated[float, above(0.0, up_to=1e6, noun="mm/s")] = 250.0
     robot: ArmName | None = None
     tool: ToolLength | None = None
+    coupon: Annotated[int, within(0, 1000)] = 0
     adapt: bool = True
     anticipate: bool = True
     compensate: bool = True
@@ -114,6 +118,11 @@ class PlanOptions:
             seed=self.seed,
         )
 
+    def design(self, frame: Wireframe, known: MaterialEstimate | None) -> Wireframe:
+        """What is printed: the frame with the coupon that suits what is known of the material."""
+        known = GUESS if known is None else known
+        return with_coupon(frame, self.coupon, float(np.exp(known.mean[0])), known.deviation[0])
+
     def job(self, frame: Wireframe, nozzle: Nozzle) -> JobSettings:
         """Settings of the job, which is printed with the tool for which its order was found."""
         own = {
@@ -131,6 +140,7 @@ class PlanOptions:
             resize=self.batch_size is None,
             cameras=self.cameras,
             limits=self.limits,
+            coupon=self.coupon,
         )
 
     def place(self, frame: Wireframe) -> Workspace:
@@ -188,19 +198,34 @@ def plan_job(
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
-    known = None if material is None else for_next_print(read_usual(material))
-    ordering = options.order(frame)
-    settings = options.job(frame, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
-    cut = order is None or options.batch_size is not None
-    sequence = plan_order(frame, ordering, order, cut, progress)
+    known = known_material(material)
+    ordering, design = options.order(frame), options.design(frame, known)
+    settings = options.job(design, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
+    given = order_of_frame(frame) if order is None else read_given_order(order, frame)
+    cut = order is None or options.batch_size is not None or (given is not None and given.batch is None)
+    if options.coupon:
+        coupon = np.flatnonzero(~settings.of_frame(design))
+        given = (GivenOrder(source=frame.name) if given is None else given).after(design, coupon, UNTRUSTED_SIZE)
+    sequence = plan_order(design, ordering, given, cut, progress)
     if known is not None:
-        require_standing(frame, sequence, known, settings.compensate)
+        require_standing(design, sequence, known, settings.compensate, options.coupon)
     report(progress, Progress("writing", 0, 1))
-    return PrintJob.create(folder, frame, sequence, settings, notes, overwrite, known)
+    return PrintJob.create(folder, design, sequence, settings, notes, overwrite, known)
+
+
+def known_material(path: PathLike | None) -> MaterialEstimate | None:
+    """What earlier prints have told of the next one's material, by a job or a file; ``None`` where there is none.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is damaged.
+    """
+    return None if path is None else for_next_print(read_usual(path))
 
 
 def require_standing(
-    frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate, compensate: bool = False
+    frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate, compensate: bool = False, coupon: int = 0
 ) -> None:
     """Refuse a print of which a known material tells that it will not stand.
 
@@ -210,13 +235,15 @@ def require_standing(
         The print.
     compensate
         It is aimed by the forecast: what leans outwards is laid further in, and carries what it could not carry else.
+    coupon
+        How many of the last struts are a test coupon.
 
     Raises
     ------
     InputError
         The sentence names the strut, the reason, and what would help.
     """
-    forecast = CreepForecast.start(frame, material)
+    forecast = CreepForecast.start(frame, material, coupon)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
     fall = first_fall(forecast.fit, forecast.aimed(sequence, 0) if compensate else frame, batches)
     if fall is not None:
@@ -233,11 +260,11 @@ def guessed_outlook(frame: Wireframe, sequence: PrintSequence, progress: Progres
 def plan_order(
     frame: Wireframe,
     settings: OrderSettings,
-    order: PathLike | None,
+    given: GivenOrder | None,
     cut: bool,
     progress: ProgressCallback | None = None,
 ) -> PrintSequence:
-    """The order in which a frame is printed: a given one, the frame's own batches, or one that is searched for.
+    """The order in which a frame is printed: a given one, or one that is searched for.
 
     Parameters
     ----------
@@ -245,8 +272,8 @@ def plan_order(
         The design.
     settings
         Of the search.
-    order
-        A file with an order to keep.
+    given
+        What is laid down of it.
     cut
         Cut given batches, which may be long layers, into even parts of at most the size that ``settings`` say.
     progress
@@ -255,9 +282,8 @@ def plan_order(
     Raises
     ------
     InputError
-        See `plan_sequence` and `read_given_order`.
+        See `plan_sequence`.
     """
-    given: GivenOrder | None = order_of_frame(frame) if order is None else read_given_order(order, frame)
     sequence = plan_sequence(frame, settings, given, progress)
     if given is None or given.batch is None or not cut:
         return sequence

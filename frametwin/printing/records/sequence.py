@@ -103,6 +103,26 @@ class PrintSequence:
             raise InputError.at(frame.name, "sequence", problem, "give the sequence of this frame")
         return np.where(ends[:, 0] == self.start, ends[:, 1], ends[:, 0])
 
+    def part(self, struts: np.ndarray, vertices: np.ndarray) -> PrintSequence:
+        """The order of some struts alone, as a sequence of `Wireframe.subset`.
+
+        Parameters
+        ----------
+        struts : (E,) bool array
+            Those of the frame to keep.
+        vertices : (V',) int64 array
+            The frame's vertices that they use, rising.
+        """
+        kept = struts[self.struts]
+        return dataclasses.replace(
+            self,
+            struts=(np.cumsum(struts) - 1)[self.struts[kept]],
+            start=np.searchsorted(vertices, self.start[kept]),
+            axis=self.axis[kept],
+            batch=np.unique(self.batch[kept], return_inverse=True)[1],
+            source="sequence",
+        )
+
     def laid_before(self, batch: int, strut_count: int) -> np.ndarray:
         """Mark the struts of a frame (E,) that are laid in an earlier batch."""
         mask = np.zeros(strut_count, dtype=bool)

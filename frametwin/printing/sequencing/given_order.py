@@ -13,7 +13,7 @@ FrameTwin            `frametwin.printing.records.sequence_file`: the axes are fo
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +91,30 @@ class GivenOrder:
     def stage(self, frame: Wireframe) -> np.ndarray:
         """(E,) int64 array: batch of each strut, zeros where that is open."""
         return np.zeros(frame.strut_count, dtype=np.int64) if self.batch is None else self.batch
+
+    def after(self, frame: Wireframe, first: np.ndarray, size: int) -> GivenOrder:
+        """This order with other struts before it.
+
+        Parameters
+        ----------
+        frame
+            What has all of them.
+        first : (N,) int64 array
+            Struts that are not in this order, each with one end on the plate.
+        size
+            How many of them make a batch.
+        """
+        batch = np.zeros(frame.strut_count, dtype=np.int64)
+        batch[first] = np.arange(len(first)) // size
+        rest = np.setdiff1d(np.arange(frame.strut_count), first)
+        batch[rest] = batch[first].max() + 1 + (0 if self.batch is None else self.batch - self.batch.min())
+        if self.struts is None:
+            return replace(self, batch=batch)
+        struts = np.concatenate([first, self.struts])
+        ends = frame.edges[first]
+        feet = np.where(frame.grounded[ends[:, 0]], ends[:, 0], ends[:, 1])
+        start = None if self.start is None else np.concatenate([feet, self.start])
+        return GivenOrder(struts, start, batch, self.source)
 
 
 def order_of_frame(frame: Wireframe) -> GivenOrder | None:

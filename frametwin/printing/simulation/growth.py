@@ -44,6 +44,9 @@ class GrowingPrint:
         Takes the place of what the seed would draw.
     scale
         Factor on the weight; `weight_scale` by default.
+    coupon
+        How many of the last struts are a test coupon, by which the print is not judged, and which does not count where
+        the weight is scaled; see `frametwin.printing.process.coupon`.
 
     Raises
     ------
@@ -60,6 +63,7 @@ class GrowingPrint:
         *,
         variation: ProcessVariation | None = None,
         scale: float | None = None,
+        coupon: int = 0,
     ) -> None:
         sequence.end_in(design)
         self.design, self.sequence = design, sequence
@@ -67,7 +71,8 @@ class GrowingPrint:
         if variation is None:
             variation = ProcessVariation.draw(design.strut_count, self.settings, seed)
         self.variation = variation
-        self.scale = weight_scale(design, sequence, self.settings) if scale is None else scale
+        self._judged = np.arange(design.strut_count) < design.strut_count - coupon
+        self.scale = self._weight_scale() if scale is None else scale
         self.settings = self.settings.of_print(seed)
         self.outcomes: list[BatchOutcome] = []
         self.clock = 0.0
@@ -153,7 +158,12 @@ class GrowingPrint:
 
     def report(self) -> PrintReport:
         """What the print came to so far."""
-        return PrintReport.of(self.design, self.outcomes, self.standing())
+        return PrintReport.of(self.design, self.outcomes, self.standing(), self._judged)
+
+    def _weight_scale(self) -> float:
+        """The factor on the weight that suits the frame without its coupon."""
+        frame, vertices = self.design.subset(self._judged)
+        return weight_scale(frame, self.sequence.part(self._judged, vertices), self.settings)
 
     def _lay_strut(self, strut: int, start: int, end: int, curve: np.ndarray) -> None:
         bead = 2.0 * self.settings.bead * float(self.design.radius[strut])
@@ -246,10 +256,11 @@ class GrowingPrint:
         return np.column_stack([bent_ends(curves), np.linalg.norm(curves[:, 3] - curves[:, 0], axis=1)])
 
     def _outcome(self, batch: int, struts: np.ndarray, seconds: float) -> BatchOutcome:
-        standing, count = self._standing, int(self._standing.sum())
+        standing, judged = self._standing, self._standing & self._judged
+        count = int(judged.sum())
         lost = np.flatnonzero(self._laid & ~standing)
         hangs = standing & (self._nodes >= self.design.vertex_count).any(axis=1)
-        share = len(lost) / max(1, int(self._laid.sum()))
+        share = int(self._judged[lost].sum()) / max(1, int((self._laid & self._judged).sum()))
         shrunk, self._most_standing = count < self._most_standing, max(self._most_standing, count)
         return BatchOutcome(
             batch=batch,
@@ -257,8 +268,8 @@ class GrowingPrint:
             attached=struts[standing[struts]],
             hanging=np.flatnonzero(hangs),
             lost=lost,
-            standing=count,
-            e_max=largest_deviation(self.design.control_points[standing], self._curves[standing]),
+            standing=int(standing.sum()),
+            e_max=largest_deviation(self.design.control_points[judged], self._curves[judged]),
             collapsed=self.collapsed or shrunk or share > self.settings.collapse_share,
             seconds=seconds,
         )

@@ -99,10 +99,17 @@ class PrintReport:
     mean_deviation: float
 
     @classmethod
-    def of(cls, design: Wireframe, outcomes: list[BatchOutcome], standing: Standing) -> PrintReport:
-        """Sum up the batches that were laid, at least one, and what stands after them."""
+    def of(
+        cls, design: Wireframe, outcomes: list[BatchOutcome], standing: Standing, judged: np.ndarray | None = None
+    ) -> PrintReport:
+        """Sum up the batches that were laid, at least one, and what stands after them.
+
+        ``judged`` (E,) are the struts by which the print is judged; all by default.
+        """
         collapsed = [outcome.batch for outcome in outcomes if outcome.collapsed]
         frame = standing.frame
+        if judged is not None:
+            design, frame = (one.subset(judged)[0] for one in (design, frame))
         return cls(
             completed=not collapsed and bool(frame.printed.all()),
             collapsed_at_batch=collapsed[0] if collapsed else None,

@@ -17,7 +17,7 @@ from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.answer import ACCEPTABLE, AnswerOptions
 from frametwin.printing.job.job import PrintJob
-from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.job.plan_job import PlanOptions, known_material, plan_job
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.simulation.growth import GrowingPrint
 from frametwin.printing.simulation.outcome import BatchOutcome, PrintReport, Standing
@@ -167,7 +167,7 @@ def simulate_print(
     options.rig.require(renderer)
     options.answer  # noqa: B018  refuses unknown names before anything is done
     job = _job_in(Path(folder), frame, options, order, material, overwrite, progress)
-    grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed)
+    grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed, coupon=job.settings.coupon)
     # The matrices are small: threads of the linear algebra would wait for each other.
     with threadpool_limits(limits=1, user_api="blas"):
         held = _go_on(job, grown, options, renderer, progress)
@@ -221,7 +221,8 @@ def _job_in(
             progress=progress,
         )
     job = PrintJob(folder)
-    design = frame.replace(printed=np.ones(frame.strut_count, dtype=bool))
+    design = options.plan.design(frame, known_material(material))
+    design = design.replace(printed=np.ones(design.strut_count, dtype=bool))
     same = frame_json.to_dict(job.design), read_json(folder / SETTINGS)
     if [dump_json(item) for item in same] != [dump_json(item) for item in (frame_json.to_dict(design), notes)]:
         raise InputError.at(folder, "out", "holds another simulation", "give another folder, or allow overwriting")
