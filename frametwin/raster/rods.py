@@ -235,11 +235,20 @@ def _gather(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray,
     view = (level.cameras, level.shapes, level.offsets, level.spreads, through, residual)
     radius = np.ascontiguousarray(rods.radius, dtype=np.float64)
     opacity = np.ascontiguousarray(rods.opacity, dtype=np.float64)
-    order = _neighbours_together(rods.control_points)
+    order = _order(rods, level)
     rod_kernels.gather_struts(points, radius, opacity, *view, order, basis(pieces), hessian, gradient, widths)
     joints = np.ascontiguousarray(rods.joints, dtype=np.float64)
     rod_kernels.gather_joints(joints, rods.joint_radius(), *view, joint_hessian, joint_gradient, joint_widths)
     return hessian, gradient, joint_hessian, joint_gradient, widths, joint_widths
+
+
+def _order(rods: Rods, level: Level) -> np.ndarray:
+    """(E,) array of int: an order of struts as by `_neighbours_together`; it changes little from step to step."""
+    _, order = level.kept.get("order", ((), np.zeros(0, dtype=np.int64)))
+    if len(order) != len(rods.edges):
+        order = _neighbours_together(rods.control_points)
+        level.kept["order"] = ((), order)
+    return order
 
 
 def _neighbours_together(control_points: np.ndarray) -> np.ndarray:
@@ -268,7 +277,7 @@ def opacity_terms(rods: Rods, level: Level, through: np.ndarray, residual: np.nd
         level.spreads,
         through,
         residual,
-        _neighbours_together(rods.control_points),
+        _order(rods, level),
         evidence,
     )
     return evidence
