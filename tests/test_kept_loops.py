@@ -40,7 +40,8 @@ from frametwin.raster.kept_loops import KeptLoops
 numbers = np.arange(6.0).reshape(2, 3) + float(sys.argv[1])
 result = np.empty_like(numbers)
 try:
-    KeptLoops("kernels").scaled(numbers, result)
+    for _ in range(2):
+        KeptLoops("kernels").scaled(numbers, result)
     print((result / numbers.clip(1e-9))[1, 2], "numba" in sys.modules)
 except ValueError as error:
     print(error, "numba" in sys.modules)

@@ -8,7 +8,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.pyramid import KEPT as SMALL
 from frametwin.raster.pyramid import Level, Pyramid
 
-KEPT = 12_000_000
+KEPT = 20_000_000
 """Most pixels of the large levels that are kept at a time; the last stages ask for two of them by turns."""
 
 

@@ -50,7 +50,7 @@ class KeptLoops:
 
     def _run(self, name: str, arrays: tuple[np.ndarray, ...]) -> None:
         kinds = tuple((array.dtype.str, array.ndim) for array in arrays)
-        if (name, kinds) not in self._linked:
+        if (name, kinds) not in self._linked:  # threads that come here at once find the same
             self._linked[name, kinds] = self._found(name, kinds)
         loop = self._linked[name, kinds]
         if loop is not None and all(array.flags.c_contiguous and array.flags.aligned for array in arrays):
@@ -61,7 +61,7 @@ class KeptLoops:
 
     def _found(self, name: str, kinds: Kinds) -> Loop | None:
         """A loop whose code is kept."""
-        with contextlib.suppress(NotUsable, OSError, ImportError):
+        with contextlib.suppress(NotUsable, OSError, ImportError, RuntimeError):  # or no home is known
             for folder in self._folders():
                 made = read_code(folder / self._file(name, kinds))
                 if made is not None:
@@ -74,7 +74,7 @@ class KeptLoops:
         function(*arrays)
         if self._linked[name, kinds] is not None:
             return
-        with contextlib.suppress(NotUsable, OSError, ImportError, InputError):
+        with contextlib.suppress(NotUsable, OSError, ImportError, InputError, RuntimeError):
             file = self._file(name, kinds)
             made = code_of(function, kinds)
             for folder in self._folders():

@@ -18,6 +18,7 @@ from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader
 from importlib.util import find_spec, module_from_spec, spec_from_loader
 from pathlib import Path
+from threading import Lock
 from types import ModuleType
 from typing import Any
 
@@ -126,6 +127,7 @@ class Linker:
         machine = llvm.Target.from_default_triple().create_target_machine(jit=True)
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
         self._llvm = llvm
+        self._alone = Lock()
 
     def linked(self, made: MachineCode, dimensions: tuple[int, ...]) -> Loop:
         """The function that takes contiguous arrays of so many dimensions and returns nothing.
@@ -137,9 +139,12 @@ class Linker:
             calls; by the function, if it reports an error.
         """
         try:
-            self._engine.add_object_file(self._llvm.ObjectFileRef.from_data(made.code))
-            self._engine.finalize_object()
-            address = self._engine.get_function_address(made.symbol)
+            with self._alone:
+                address = self._engine.get_function_address(made.symbol)
+                if not address:  # it has not been linked yet
+                    self._engine.add_object_file(self._llvm.ObjectFileRef.from_data(made.code))
+                    self._engine.finalize_object()
+                    address = self._engine.get_function_address(made.symbol)
         except RuntimeError as error:
             raise NotUsable(str(error)) from error
         if not address:
