@@ -22,7 +22,6 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the modules beside this one
 
-from frametwin.cli.print_common import COUPON
 from frametwin.errors import InputError
 from frametwin.files import read_json, staged_directory
 from frametwin.geometry.wireframe import Wireframe
@@ -38,6 +37,9 @@ from scripts.benchmark_printing import design_of
 from scripts.evidence.scenes import frame_files
 
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "mars_bubble", "Femur", "lattice_tower", "simple_frame", "fertility")
+COUPON = 20
+"""Struts, as ``--coupon`` has it."""
+
 WAYS: dict[str, dict[str, Any]] = {
     "paper": {"anticipate": False, "compensate": False},
     "first": {},

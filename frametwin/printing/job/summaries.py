@@ -14,6 +14,7 @@ def plan_summary(job: PrintJob) -> dict[str, Any]:
     return {
         "frame": job.design.name,
         "struts": job.design.strut_count,
+        "coupon": job.settings.coupon,
         "batches": job.file.batches,
         "batch_sizes": [state.struts for state in job.states()],
         "workspace": [workspace.lower, workspace.upper],

@@ -107,6 +107,7 @@ class SimulatedPrint:
         return {
             "frame": self.job.design.name,
             "struts": self.job.design.strut_count,
+            "coupon": self.job.settings.coupon,
             "batches": self.job.file.batches,
             "adapted": self.job.settings.adapt,
             "completed": report.completed,
