@@ -52,6 +52,9 @@ ROUNDS = 3
 LARGER = 1.2
 """How many times larger pictures have to be for a whole stage, if it is not the last."""
 
+SOON = 2
+"""Steps of a stage that the last one repeats. After one alone a strut may seem to be bent that is not."""
+
 TRIALS = 2
 """Times that the last free stage is gone through before joints with material of their own are judged among stubs."""
 
@@ -220,11 +223,13 @@ def _crisped(problem: Problem, state: State, stages: tuple[Stage, ...]) -> State
 
 
 def _shortened(problem: Problem, stage: Stage) -> Stage:
-    """The stage in one step where its pictures are hardly larger than those before: another one follows."""
-    larger = problem.levels.pixels_per_mm(stage.detail) / problem.levels.pixels_per_mm(
-        problem.settings.refine[-1].detail
-    )
-    return stage if larger > LARGER else replace(stage, iterations=1)
+    """The stage in one step where its pictures are hardly larger than those before, and in `SOON` where the last ones
+    are hardly larger than they: another one follows."""
+    before, after = problem.settings.refine[-1].detail, problem.settings.finish[-1].detail
+    small, now, large = (problem.levels.pixels_per_mm(detail) for detail in (before, stage.detail, after))
+    if now <= LARGER * small:
+        return replace(stage, iterations=1)
+    return replace(stage, iterations=min(SOON, stage.iterations)) if large <= LARGER * now else stage
 
 
 def _sharpened(problem: Problem, state: State, stage: Stage) -> State:
