@@ -18,7 +18,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import read_material
 from frametwin.printing.adaptation.material_fit import BatchRecord, MaterialFit
 from frametwin.printing.job.job import PrintJob
-from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.job.plan_job import PlanOptions, guessed_outlook, plan_job
 from frametwin.printing.process.coupon import DROOP, with_coupon
 from frametwin.printing.process.creep import CreepModel, CreepParameters, PrintState
 from frametwin.printing.process.material import PrintSettings
@@ -183,3 +183,12 @@ def test_it_tells_of_the_material_before_the_frame_is_begun(tmp_path: Path) -> N
     true = simulated_scale(job, 11) * drawn.flow / settings.flow
     assert abs(after.mean[0] - np.log(true)) < 3.0 * after.deviation[0] and after.deviation[0] < 0.5
     assert simulated.report.completed and simulated.report.e_max[-1] < 4.0
+
+
+def test_whether_a_print_stands_is_told_of_the_frame_alone(tmp_path: Path) -> None:
+    frame = tower(2)
+    options = PlanOptions(allow_contact=True)
+    plain = plan_job(tmp_path / "plain", frame, options)
+    write_sequence(tmp_path / "order.json", plain.sequence)
+    job = plan_job(tmp_path / "job", frame, replace(options, coupon=8), order=tmp_path / "order.json")
+    assert guessed_outlook(job) == guessed_outlook(plain)

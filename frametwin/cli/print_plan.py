@@ -115,7 +115,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     options = PlanOptions(**split_nozzle(settings), **steered, base=base, waypoints=waypoints, reprint=reprint)
     with Display(quiet) as display:
         job = plan_job(out, plan, options, order=order, material=material, overwrite=overwrite, progress=display)
-        told = None if material is not None else guessed_outlook(job.design, job.sequence, display)
+        told = None if material is not None else guessed_outlook(job, display)
     data = plan_summary(job)
     if as_json:
         print_json({"out": out, **data, "outlook": None if told is None else told.as_dict()})

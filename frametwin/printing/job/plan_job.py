@@ -208,7 +208,7 @@ def plan_job(
         given = (GivenOrder(source=frame.name) if given is None else given).after(design, coupon, UNTRUSTED_SIZE)
     sequence = plan_order(design, ordering, given, cut, progress)
     if known is not None:
-        require_standing(design, sequence, known, settings.compensate, options.coupon)
+        require_standing(*without_coupon(design, sequence, settings), known, settings.compensate)
     report(progress, Progress("writing", 0, 1))
     return PrintJob.create(folder, design, sequence, settings, notes, overwrite, known)
 
@@ -224,8 +224,17 @@ def known_material(path: PathLike | None) -> MaterialEstimate | None:
     return None if path is None else for_next_print(read_usual(path))
 
 
+def without_coupon(
+    design: Wireframe, sequence: PrintSequence, settings: JobSettings
+) -> tuple[Wireframe, PrintSequence]:
+    """The frame of a job alone, and the order of its struts."""
+    own = settings.of_frame(design)
+    frame, vertices = design.subset(own)
+    return frame, sequence.part(own, vertices)
+
+
 def require_standing(
-    frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate, compensate: bool = False, coupon: int = 0
+    frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate, compensate: bool = False
 ) -> None:
     """Refuse a print of which a known material tells that it will not stand.
 
@@ -235,24 +244,23 @@ def require_standing(
         The print.
     compensate
         It is aimed by the forecast: what leans outwards is laid further in, and carries what it could not carry else.
-    coupon
-        How many of the last struts are a test coupon.
 
     Raises
     ------
     InputError
         The sentence names the strut, the reason, and what would help.
     """
-    forecast = CreepForecast.start(frame, material, coupon)
+    forecast = CreepForecast.start(frame, material)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
     fall = first_fall(forecast.fit, forecast.aimed(sequence, 0) if compensate else frame, batches)
     if fall is not None:
         raise InputError.at(frame.name, "material", fall.problem, fall.remedy)
 
 
-def guessed_outlook(frame: Wireframe, sequence: PrintSequence, progress: ProgressCallback | None = None) -> Outlook:
+def guessed_outlook(job: PrintJob, progress: ProgressCallback | None = None) -> Outlook:
     """Whether a print would stand in a material of which nothing is known yet: a warning at most."""
     report(progress, Progress("computing the print", 0, 1))
+    frame, sequence = without_coupon(job.design, job.sequence, job.settings)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
     return outlook(CreepForecast.start(frame).fit, frame, batches)
 
