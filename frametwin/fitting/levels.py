@@ -71,7 +71,8 @@ class Levels:
         scale = self.scale(detail)
         key = (scale, blur)
         if key not in self._made:
-            self._made = {other: level for other, level in self._made.items() if other[0] < KEPT}
+            if blur > 0.0:  # those of the very last steps are wanted beside the ones before
+                self._made = {other: level for other, level in self._made.items() if other[0] < KEPT}
             self._made[key] = self._pyramid.level(scale, blur)
         return self._made[key]
 
