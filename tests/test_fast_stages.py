@@ -121,6 +121,15 @@ def test_pictures_have_the_size_that_the_typical_strut_asks_for() -> None:
     assert levels.at(0.5, 0.7) is small and levels.at(0.5, 1.0) is not small
 
 
+def test_two_large_levels_are_kept_and_no_more_than_memory_has_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    levels = Levels(PLAN, Pyramid(CAMERAS, masks_of(PLAN)))
+    whole, softer, small = levels.at(1e6, 0.3), levels.at(1e6, 0.4), levels.at(0.5, 0.7)
+    assert levels.at(1e6, 0.3) is whole and levels.at(1e6, 0.4) is softer
+    monkeypatch.setattr("frametwin.fitting.levels.KEPT", 2 * whole.target.size)
+    assert levels.at(1e6, 0.5).target.size == whole.target.size
+    assert levels.at(0.5, 0.7) is small and levels.at(1e6, 0.3) is not whole
+
+
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_way_of_fitting_gives_the_same_kind_of_result(preset: str) -> None:
     real = shifted((0.3, 0.2, 0.0))

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from print_cases import LeaningPrint, cameras_of, print_batch, small_job
@@ -28,6 +29,7 @@ from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, cut_batches, plan_order
 from frametwin.printing.job.requeue import laid_again
 from frametwin.printing.job.watch import Watch
+from frametwin.printing.job.whole_endings import ends_whole
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.given_order import order_of_frame
 from frametwin.printing.sequencing.reachability import OrderSettings
@@ -60,7 +62,7 @@ def test_a_warm_fit_is_as_good_as_a_cold_one() -> None:
 
 
 def test_a_warm_fit_that_goes_astray_is_made_up_for() -> None:
-    plan, standing, masks = bridge_after(18.0)
+    plan, standing, masks = bridge_after(22.0)
     found = fit_batch(plan, cameras_of(plan), masks)
     assert found.start == "warm, then cold"
     errors = evaluate(found.result.twin.control_points, found.result.twin.vertices, standing)
@@ -290,7 +292,7 @@ class Hand:
 
 
 def watch(job: PrintJob, folder: Path, hand: Hand) -> list[dict]:
-    return Watch(job, folder, say=hand.said.append, progress=hand, poll=0.0).run()
+    return Watch(job, folder, say=hand.said.append, progress=hand, poll=0.0, settle=0.0).run()
 
 
 def test_the_watch_answers_folders_as_they_become_whole(job: PrintJob, tmp_path: Path) -> None:
@@ -343,6 +345,57 @@ def test_the_watch_passes_over_bad_folders_and_goes_on_later(job: PrintJob, tmp_
     again.steps = again.work()
     watch(PrintJob(job.folder), captures, again)
     assert PrintJob(job.folder).current is None
+
+
+@pytest.mark.parametrize("kind", ["png", "jpg", "json"])
+def test_the_end_of_a_file_tells_whether_it_is_whole(tmp_path: Path, kind: str) -> None:
+    grey = np.random.default_rng(0).integers(0, 256, (30, 40), dtype=np.uint8)
+    data = b'{"frames": [{}]}\n' if kind == "json" else cv2.imencode(f".{kind}", grey)[1].tobytes()
+    path = tmp_path / f"file.{kind}"
+    for cut in (0, 1, len(data) // 2, len(data) - 2):
+        path.write_bytes(data[:cut])
+        assert not ends_whole(path), cut
+    path.write_bytes(data)
+    assert ends_whole(path)
+    assert not ends_whole(path.rename(tmp_path / "file.raw"))  # a kind whose end tells nothing
+
+
+def test_whole_pictures_are_answered_at_once_and_others_once_they_are_left_alone(job: PrintJob, tmp_path: Path) -> None:
+    captures = tmp_path / "captures"
+    captures.mkdir()
+    hand = Hand(job, captures)
+
+    def steps() -> Iterator[bool]:
+        hand.real.take(captures / "a", print_batch(job, hand.real))
+        yield True
+        yield True
+        assert job.current == 1
+        hand.real.take(captures / "b", print_batch(job, hand.real))
+        (captures / "b" / "notes.txt").write_text("somebody may still be writing here")
+        for _ in range(5):
+            yield True
+        assert job.current == 1 and "b is still growing" in hand.said[-1]
+        yield False
+
+    hand.steps = steps()
+    with pytest.raises(Cancelled):
+        Watch(job, captures, say=hand.said.append, progress=hand, poll=0.0, settle=3600.0).run()
+
+
+def test_a_job_that_was_made_ready_answers_as_any_other(job: PrintJob, tmp_path: Path) -> None:
+    shutil.copytree(job.folder, tmp_path / "other")
+    ready, other, real = job, PrintJob(tmp_path / "other"), LeaningPrint(job.design)
+    for batch in range(2):
+        capture = real.take(tmp_path / f"capture_{batch}", print_batch(job, real))
+        ready.prepare()
+        other = PrintJob(other.folder)
+        for one in (ready, other):
+            one.answer(capture)
+        for name in ("adapted.json", "run/field.safetensors"):
+            assert (ready.batch_folder(batch) / name).read_bytes() == (other.batch_folder(batch) / name).read_bytes()
+        assert (ready.batch_folder(batch + 1) / "plan.json").read_bytes() == (
+            other.batch_folder(batch + 1) / "plan.json"
+        ).read_bytes()
 
 
 def test_the_watch_needs_a_folder_of_captures(job: PrintJob, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from frametwin.cli.common import (
     quiet_option,
 )
 from frametwin.cli.display import Display
+from frametwin.cli.memory import keep_freed_memory
 from frametwin.errors import InputError
 from frametwin.twin.verdict import WRONG
 from frametwin.wording import shortened
@@ -146,6 +147,7 @@ class FitOptions:
 
 def _fit(options: FitOptions) -> None:
     check_output_folder(options.out, options.overwrite, "twin.json")
+    keep_freed_memory()
     from frametwin.capture.capture import read_capture
     from frametwin.fitting.api import fit_capture, settings_of, write_run
     from frametwin.twin.runs import fit_summary

@@ -103,14 +103,15 @@ def next_command(
 )
 @click.option("--background", type=FOLDER, metavar="PICTURES", help="With --rig: the same views before printing.")
 @click.option(
-    "--every", type=click.FloatRange(0.05, 3600.0), default=0.5, show_default=True, help="Seconds between two looks."
+    "--every", type=click.FloatRange(0.05, 3600.0), default=0.1, show_default=True, help="Seconds between two looks."
 )
 @quiet_option
 @json_option
 def watch_command(**options: Any) -> None:
     """Answer every capture folder that appears in CAPTURES, in the order of their names, until JOB is finished.
 
-    A folder is taken when transforms.json and all the pictures it names are there and have stopped growing. One that
+    A folder is taken when transforms.json and all the pictures it names are there and have stopped growing: at once
+    where they are PNG or JPEG files, whose end tells, else after half a second. One that
     cannot be used, or for which the job is held (see frametwin print next --help), is told of and left alone until
     it changes; nothing is printed on meanwhile. Ctrl-C stops at once, and the same command goes on. The exit code is 0
     when the print is finished, whatever was passed over, and 130 after Ctrl-C.

@@ -135,7 +135,8 @@ class LatticeField(DeformationField):
                 *(_axis_weights(where[:, a], self.box[:, a], cells[a], orders[a]) for a in range(3)),
                 strict=True,
             )
-            data.append(np.einsum("ni,nj,nk->nijk", *weights).reshape(count, 64))
+            plane = (weights[0][:, :, None] * weights[1][:, None, :]).reshape(count, 16)
+            data.append((plane[:, :, None] * weights[2][:, None, :]).reshape(count, 64))
             steps = [f[:, None] + np.arange(4) for f in first]  # three of (N, 4)
             ny, nz = level.shape[1:3]
             index = (steps[0][:, :, None, None] * ny + steps[1][:, None, :, None]) * nz + steps[2][:, None, None, :]

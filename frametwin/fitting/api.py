@@ -21,6 +21,7 @@ from frametwin.files import PathLike, staged_directory
 from frametwin.fitting.camera_corrections import as_records
 from frametwin.fitting.fast_settings import FastSettings
 from frametwin.fitting.judgement import judged_on_photographs, verdict
+from frametwin.fitting.known_start import KnownStart
 from frametwin.fitting.part_fit import KernelCloud, PartFit
 from frametwin.fitting.photo_fit import (
     ROUNDS,
@@ -166,7 +167,7 @@ def fit_views(
     *,
     seed: int = 0,
     changes: Mapping[str, Any] | None = None,
-    start: DeformationField | None = None,
+    start: DeformationField | KnownStart | None = None,
     callback: ProgressCallback | None = None,
 ) -> FitResult:
     """As `fit_capture`, from a frame, cameras without distortion and masks (H, W) in memory."""

@@ -87,7 +87,7 @@ def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) 
     pixels = problem.levels.density * float(np.median(problem.frame.radius))
     if problem.settings.degree <= 3 or pixels < CLEAR:
         return whole
-    asking, loose = suspects(problem, state), np.unique(torn.ends[:, 0])
+    asking, loose = suspects(problem, state, problem.settings.finish[0]), np.unique(torn.ends[:, 0])
     for chosen in (np.union1d(asking, loose), np.setdiff1d(asking, loose)) if len(loose) else (asking,):
         found = _halved(whole, chosen)
         whole = whole.after(found)
@@ -100,7 +100,8 @@ def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) 
 def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -> Bent:
     """Halve also struts that ask for it only once others are halved."""
     found = found._replace(state=settled(found.problem, found.state))  # others had been drawn for them
-    more = np.setdiff1d(suspects(found.problem, found.state), np.concatenate([looked_at, found.halves.second]))
+    asking = suspects(found.problem, found.state, found.problem.settings.refine[-1])
+    more = np.setdiff1d(asking, np.concatenate([looked_at, found.halves.second]))
     return _with(whole, found, more)
 
 

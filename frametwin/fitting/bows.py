@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from frametwin.fitting import presence
+from frametwin.fitting.fast_settings import Stage
 from frametwin.fitting.fast_state import Problem, State, drawn, level_of
 from frametwin.fitting.halves import Halves, cut
 from frametwin.fitting.torn_ends import scale_of
@@ -35,9 +36,12 @@ MOST = 0.1
 """Share of the struts that are halved at a time, at most, those first whose outlines are furthest off."""
 
 
-def suspects(problem: Problem, state: State) -> np.ndarray:
-    """Struts that would gain much by a bow that is clamped at both ends, or whose outlines are off: `MOST` of all."""
-    stage, frame = problem.settings.refine[-1], problem.frame
+def suspects(problem: Problem, state: State, stage: Stage) -> np.ndarray:
+    """Struts that would gain much by a bow that is clamped at both ends, or whose outlines are off: `MOST` of all.
+
+    They are looked for in the pictures of a stage: the one that the state comes from, since others make it seem off.
+    """
+    frame = problem.frame
     whole, level = drawn(problem, state, stage.pieces), level_of(problem, state, stage)
     gain = _gain_of_bows(whole, level)
     least = max(GAIN * scale_of(problem, stage), UNUSUAL * float(np.median(gain)))

@@ -67,17 +67,29 @@ def as_found(
     InputError
         If a correction is not one.
     """
+    freedoms = freedoms_of(cameras, records, source)
+    freedoms[:, LENS] = 0.0
+    return corrected(cameras, freedoms)
+
+
+def freedoms_of(
+    cameras: Sequence[Camera], records: Sequence[Mapping[str, Any]], source: str = "twin.json"
+) -> np.ndarray:
+    """(N, 10) freedoms of cameras as a fit found them, by name; zeros of those that it says nothing of.
+
+    See `as_found`.
+    """
     by_name = {record.get("name"): (f"cameras[{i}]", record) for i, record in enumerate(records)}
     freedoms = np.zeros((len(cameras), FREEDOMS))
     for own, camera in zip(freedoms, cameras, strict=True):
         if camera.name in by_name:
-            own[:LENS] = _freedoms(*by_name[camera.name], source)
-    return corrected(cameras, freedoms)
+            own[:] = _freedoms(*by_name[camera.name], source)
+    return freedoms
 
 
 def _freedoms(place: str, record: Mapping[str, Any], source: str) -> np.ndarray:
-    """(9,) freedoms of a camera but for its lens."""
-    result = np.zeros(LENS)
+    """(10,) freedoms of a camera."""
+    result = np.zeros(FREEDOMS)
     for key, part, shape in (("turn_deg", TURN, (3,)), ("shift_mm", SHIFT, (3,)), ("centre_px", CENTRE, (2,))):
         result[part] = checked_array(record.get(key), "f", shape, source, f"{place}.{key}")
     result[TURN] = np.deg2rad(result[TURN])
@@ -85,4 +97,5 @@ def _freedoms(place: str, record: Mapping[str, Any], source: str) -> np.ndarray:
     if not share > -1.0:
         raise InputError.at(source, f"{place}.focal_share", f"{share:g} is no change of a focal length", "fit again")
     result[FOCAL] = np.log1p(share)
+    result[LENS] = checked_array(record.get("k1", 0.0), "f", (), source, f"{place}.k1")
     return result

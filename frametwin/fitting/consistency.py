@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frametwin.fields.base import DeformationField
 from frametwin.fitting import gauge
 from frametwin.fitting.bent import with_bent_struts
 from frametwin.fitting.fast_settings import Stage
@@ -31,6 +30,7 @@ from frametwin.fitting.frame_field import moved_curves
 from frametwin.fitting.halves import Halves
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import WORTH, common_size
+from frametwin.fitting.known_start import KnownStart
 from frametwin.fitting.misplaced import given_second_chance
 from frametwin.fitting.torn_ends import Torn, mended, rejoined
 from frametwin.fitting.view_misfit import FEWEST, ViewMisfit, disagreeing, view_misfit
@@ -51,6 +51,9 @@ ROUNDS = 3
 
 LARGER = 1.2
 """How many times larger pictures have to be for a whole stage, if it is not the last."""
+
+SOON = 2
+"""Steps of a stage that the last one repeats. After one alone a strut may seem to be bent that is not."""
 
 TRIALS = 2
 """Times that the last free stage is gone through before joints with material of their own are judged among stubs."""
@@ -92,13 +95,13 @@ class Consistent:
     holds: str
 
 
-def consistent_fit(problem: Problem, field: DeformationField | None) -> Consistent:
-    """Fit a frame, its views and its cameras; with a field the fit starts there and leaves the coarse stages out."""
+def consistent_fit(problem: Problem, known: KnownStart | None) -> Consistent:
+    """Fit a frame, its views and its cameras; from a known start the coarse stages are left out."""
     record = Record()  # whose clock runs from here on
     used = np.arange(problem.levels.view_count)
     for _ in range(ROUNDS):
         part = problem if len(used) == problem.levels.view_count else problem.of_views(used)
-        state = _begun(part, State.planned(part, record), field)
+        state = _begun(part, State.planned(part, record), None if known is None else known.of_views(used))
         misfit = _misfit(part, state, problem.settings.refine[-1])
         wrong = disagreeing(misfit.total)
         if not problem.settings.leave_out_views or not wrong.size or len(used) - len(wrong) < FEWEST:
@@ -122,11 +125,14 @@ def _spread(cameras: np.ndarray, used: np.ndarray, problem: Problem) -> np.ndarr
     return result
 
 
-def _begun(problem: Problem, state: State, field: DeformationField | None) -> State:
-    """From the plan or a field to where every joint and strut is free; with cameras where the pictures ask for it."""
+def _begun(problem: Problem, state: State, known: KnownStart | None) -> State:
+    """From the plan or a start to where every joint and strut is free; with cameras where the pictures ask for it."""
     first = state.lapped("set-up")
-    state = search(problem, first) if field is None else refine(problem, _started(problem, first, field))
-    state = _with_joint_material(problem, state)
+    state = search(problem, first) if known is None else refine(problem, _started(problem, first, known))
+    if state.joint_size is None:
+        state = _with_joint_material(problem, state)
+    if state.cameras is not None:
+        return held_by(problem, state, "feet").anchored()
     if problem.settings.cameras == "exact" or not _asks_for_cameras(problem, state):
         return state
     afresh = replace(first, record=state.record, cameras=problem.exact_cameras(), joint_size=state.joint_size)
@@ -143,11 +149,13 @@ def _asks_for_cameras(problem: Problem, state: State) -> bool:
     return astray or camera_gain(problem, state, stage) > CLEARLY
 
 
-def _started(problem: Problem, state: State, field: DeformationField) -> State:
-    """The plan as a field moves it."""
-    moved = moved_curves(problem.frame, field) - problem.frame.control_points
+def _started(problem: Problem, state: State, known: KnownStart) -> State:
+    """The plan as a field moves it, with what is known of cameras and joints."""
+    moved = moved_curves(problem.frame, known.field) - problem.frame.control_points
     joints, inner = problem.elastic.freedoms_of(moved)
-    return replace(state, pose=state.pose.moved(joints, inner)).anchored()
+    cameras = None if problem.settings.cameras == "exact" else known.cameras
+    pose = state.pose.moved(joints, inner)
+    return replace(state, pose=pose, cameras=cameras, joint_size=known.joint_size).anchored()
 
 
 def _with_joint_material(problem: Problem, state: State) -> State:
@@ -215,11 +223,13 @@ def _crisped(problem: Problem, state: State, stages: tuple[Stage, ...]) -> State
 
 
 def _shortened(problem: Problem, stage: Stage) -> Stage:
-    """The stage in one step where its pictures are hardly larger than those before: another one follows."""
-    larger = problem.levels.pixels_per_mm(stage.detail) / problem.levels.pixels_per_mm(
-        problem.settings.refine[-1].detail
-    )
-    return stage if larger > LARGER else replace(stage, iterations=1)
+    """The stage in one step where its pictures are hardly larger than those before, and in `SOON` where the last ones
+    are hardly larger than they: another one follows."""
+    before, after = problem.settings.refine[-1].detail, problem.settings.finish[-1].detail
+    small, now, large = (problem.levels.pixels_per_mm(detail) for detail in (before, stage.detail, after))
+    if now <= LARGER * small:
+        return replace(stage, iterations=1)
+    return replace(stage, iterations=min(SOON, stage.iterations)) if large <= LARGER * now else stage
 
 
 def _sharpened(problem: Problem, state: State, stage: Stage) -> State:

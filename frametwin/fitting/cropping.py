@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -14,6 +16,9 @@ from frametwin.geometry.wireframe import Wireframe
 MARGIN, LEAST_MARGIN = 0.05, 24
 """What is kept around it: a share of its longer side, and pixels at least. Black beyond tells nothing of a print that
 is neither planned nor seen there."""
+
+WORKERS = 4
+"""Pictures that are looked at together."""
 
 WORTH = 0.8
 """Share of a picture above which it stays whole."""
@@ -34,7 +39,8 @@ def cropped(
     cameras, masks
         Without lens distortion, and 0..1.
     """
-    pairs = [_cropped(frame, camera, mask) for camera, mask in zip(cameras, masks, strict=True)]
+    with ThreadPoolExecutor(WORKERS) as pool:  # most of it is done by OpenCV
+        pairs = list(pool.map(partial(_cropped, frame), cameras, masks))
     return [camera for camera, _ in pairs], [mask for _, mask in pairs]
 
 

@@ -92,24 +92,29 @@ class ElasticFrame:
         return result
 
     def _pattern(self) -> None:
-        """Where every element's entries go in the assembled matrix; found once, as it never changes."""
-        size = 6 * self.vertex_count
-        rows = np.repeat(self.freedoms, 12, axis=1).ravel()
-        columns = np.tile(self.freedoms, (1, 12)).ravel()
-        key, self._slot = np.unique(columns * size + rows, return_inverse=True)
-        diagonal = np.arange(size) * (size + 1)
-        key, missing = np.union1d(key, diagonal), key
-        if len(key) != len(missing):
-            self._slot = np.searchsorted(key, columns * size + rows)
-        self._indices = (key % size).astype(np.int32)
-        self._indptr = np.searchsorted(key, np.arange(size + 1) * size).astype(np.int32)
-        self._diagonal = np.searchsorted(key, diagonal)
-        first = 6 * np.arange(self.vertex_count)[:, None, None]
-        block = (first + np.arange(3)[None, None, :]) * size + first + np.arange(3)[None, :, None]
-        position = np.minimum(np.searchsorted(key, block), len(key) - 1)
-        touched = np.zeros(self.vertex_count, dtype=bool)
+        """Where every element's entries go in the assembled matrix; found once, as it never changes.
+
+        A column holds the rows of its joint and of the joints that struts join it to, six for each, in their order.
+        """
+        count, struts = self.vertex_count, len(self.edges)
+        pairs = self.edges[:, None, :] * count + self.edges[:, :, None]  # column and row of each block
+        keys, place = np.unique(np.append(pairs.ravel(), np.arange(count) * (count + 1)), return_inverse=True)
+        column, row = np.divmod(keys, count)
+        high = np.bincount(column, minlength=count)  # blocks in a column
+        before = np.cumsum(high) - high
+        corner = 36 * before[column] + 6 * (np.arange(len(keys)) - before[column])
+        six = np.arange(6)
+        inside = corner[:, None, None] + (6 * high[column])[:, None, None] * six + six[:, None]  # (.., row, column)
+        self._slot = inside[place[: 4 * struts].reshape(struts, 2, 2)].transpose(0, 1, 3, 2, 4).ravel()
+        self._indices = np.empty(inside.size, dtype=np.int32)
+        self._indices[inside] = (6 * row[:, None] + six)[:, :, None]
+        starts = 36 * before[:, None] + 6 * high[:, None] * six
+        self._indptr = np.append(starts.ravel(), inside.size).astype(np.int32)
+        own = inside[place[4 * struts :]]
+        self._diagonal = own[:, six, six].ravel()
+        touched = np.zeros(count, dtype=bool)
         touched[self.edges.ravel()] = True
-        self._joint_slots, self._touched = position[touched], touched
+        self._joint_slots, self._touched = own[touched, :3, :3], touched
 
     def assemble(self, blocks: np.ndarray, joint_blocks: np.ndarray | None = None) -> sparse.csc_matrix:
         """Sum strut blocks (E, 12, 12) and joint blocks (V, 3, 3) over the shifts into a (6V, 6V) matrix."""

@@ -25,6 +25,7 @@ from frametwin.fitting.consistency import Consistent, consistent_fit
 from frametwin.fitting.fast_settings import FastSettings
 from frametwin.fitting.fast_state import Problem, drawn, level_of
 from frametwin.fitting.frame_field import field_through
+from frametwin.fitting.known_start import KnownStart
 from frametwin.fitting.part_fit import PartFit, ViewsFit
 from frametwin.fitting.uncertainty import Uncertainty, uncertainty
 from frametwin.geometry.wireframe import Wireframe
@@ -46,14 +47,15 @@ class FastFitter:
         printed: Wireframe,
         cameras: Sequence[Camera],
         masks: Sequence[np.ndarray],
-        start: DeformationField | None = None,
+        start: DeformationField | KnownStart | None = None,
         callback: ProgressCallback | None = None,
     ) -> PartFit:
         """See `frametwin.fitting.part_fit.Fitter.fit`."""
         # Its matrices are small: threads of the linear algebra would only get in the way of the splatter's.
         with threadpool_limits(limits=1, user_api="blas"):
             problem = Problem.of(printed, cameras, masks, self.settings, callback)
-            return _result(consistent_fit(problem, start))
+            known = KnownStart(start) if isinstance(start, DeformationField) else start
+            return _result(consistent_fit(problem, known))
 
 
 def _result(found: Consistent) -> PartFit:

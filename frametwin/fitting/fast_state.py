@@ -275,7 +275,9 @@ def drawn(problem: Problem, state: State, pieces: int) -> Rods:
 def level_of(problem: Problem, state: State, stage: AnyStage) -> Level:
     """The pictures of a stage, with the cameras where the state has them."""
     level = problem.level(stage)
-    return level if state.cameras is None else with_cameras(level, state.cameras, problem.scales(level))
+    if state.cameras is None or not state.cameras.any():
+        return level  # and what was drawn there
+    return with_cameras(level, state.cameras, problem.scales(level))
 
 
 def terms_of(problem: Problem, state: State, stage: Stage) -> Terms:

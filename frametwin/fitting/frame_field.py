@@ -13,7 +13,10 @@ from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 
 SAMPLES = 8
-"""Intervals between samples of a strut."""
+"""Intervals between samples of a strut that a field moves ..."""
+
+FIT_SAMPLES = 4
+"""... and of one that a field is fitted to: a cubic's way has no more to tell, and the field comes as near to it."""
 
 MARGIN = 0.1
 """How far the field's box reaches beyond the frame's, as a share of the longest side."""
@@ -35,7 +38,7 @@ def field_through(
     weight : (E,) array, optional
         Of each strut; struts that the views do not determine should have little.
     """
-    u = np.linspace(0.0, 1.0, SAMPLES + 1)
+    u = np.linspace(0.0, 1.0, FIT_SAMPLES + 1)
     points = bezier.evaluate(frame.control_points, u)
     shift = bezier.evaluate(control_points, u) - points
     low, high = frame.bounds

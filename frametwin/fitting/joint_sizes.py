@@ -32,7 +32,7 @@ def common_size(drawn: Rods, level: Level, candidates: Sequence[float] = CANDIDA
     ones = np.ones(len(drawn.joints))
     losses: list[float] = []
     for size in candidates:
-        losses.append(rods.squared_loss(replace(drawn, joint_size=size * ones), level))
+        losses.append(rods.squared_loss(replace(drawn, joint_size=size * ones), level, keep=size == candidates[0]))
         if len(losses) > 2 and losses[-1] > losses[-2] > losses[-3]:
             break
     best = int(np.argmin(losses))

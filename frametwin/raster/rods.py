@@ -8,8 +8,13 @@ from functools import lru_cache
 import numpy as np
 
 from frametwin.geometry import bezier
-from frametwin.raster import rod_kernels
+from frametwin.raster.kept_loops import KeptLoops
 from frametwin.raster.pyramid import Level
+
+rod_kernels = KeptLoops("frametwin.raster.rod_kernels")
+
+DARK = 1e-6
+"""Least transmittance, as of the loops."""
 
 
 @dataclass(eq=False)
@@ -130,7 +135,7 @@ def basis(pieces: int) -> np.ndarray:
     return result
 
 
-KEPT = 4_000_000
+KEPT = 12_000_000
 """Most pixels of a level whose last drawing is kept: the stages of a fit ask for one and the same several times."""
 
 
@@ -158,10 +163,10 @@ def _kept(level: Level, what: str, drawing: tuple[np.ndarray, ...]) -> np.ndarra
     return result if same else None
 
 
-def transmittance(rods: Rods, level: Level) -> np.ndarray:
+def transmittance(rods: Rods, level: Level, keep: bool = True) -> np.ndarray:
     """Flat (pixels,) float32 share of the background that is seen through the rods; the picture is 1 minus it.
 
-    It may be handed out again: it is not to be changed.
+    It may be handed out again: it is not to be changed. What is drawn once alone need not be kept in place of the last.
     """
     drawing = _drawing(rods)
     found = _kept(level, "transmittance", drawing)
@@ -169,7 +174,7 @@ def transmittance(rods: Rods, level: Level) -> np.ndarray:
         return found
     result = sharp_transmittance(rods, level)
     level.defocus(result)
-    if result.size <= KEPT:
+    if keep and result.size <= KEPT:
         level.kept["transmittance"] = (drawing, result)
     return result
 
@@ -192,7 +197,7 @@ def sharp_transmittance(rods: Rods, level: Level) -> np.ndarray:
     )
     if level.behind is not None:
         np.multiply(result, level.behind, out=result)
-        np.maximum(result, np.float32(rod_kernels.DARK), out=result)
+        np.maximum(result, np.float32(DARK), out=result)
     return result
 
 
@@ -208,9 +213,9 @@ def plain_evidence(rods: Rods, level: Level) -> np.ndarray:
     return result
 
 
-def squared_loss(rods: Rods, level: Level) -> float:
-    """Half the sum of squared residuals over all views."""
-    return float(_compared(transmittance(rods, level), level)[1].sum())
+def squared_loss(rods: Rods, level: Level, keep: bool = True) -> float:
+    """Half the sum of squared residuals over all views; see `transmittance`."""
+    return float(_compared(transmittance(rods, level, keep), level)[1].sum())
 
 
 def gauss_newton(rods: Rods, level: Level) -> Terms:
@@ -251,11 +256,20 @@ def _gather(rods: Rods, level: Level, through: np.ndarray, residual: np.ndarray,
     view = (level.cameras, level.shapes, level.offsets, level.spreads, through, residual)
     radius = np.ascontiguousarray(rods.radius, dtype=np.float64)
     opacity = np.ascontiguousarray(rods.opacity, dtype=np.float64)
-    order = _neighbours_together(rods.control_points)
+    order = _order(rods, level)
     rod_kernels.gather_struts(points, radius, opacity, *view, order, basis(pieces), hessian, gradient, widths)
     joints = np.ascontiguousarray(rods.joints, dtype=np.float64)
     rod_kernels.gather_joints(joints, rods.joint_radius(), *view, joint_hessian, joint_gradient, joint_widths)
     return hessian, gradient, joint_hessian, joint_gradient, widths, joint_widths
+
+
+def _order(rods: Rods, level: Level) -> np.ndarray:
+    """(E,) array of int: an order of struts as by `_neighbours_together`; it changes little from step to step."""
+    _, order = level.kept.get("order", ((), np.zeros(0, dtype=np.int64)))
+    if len(order) != len(rods.edges):
+        order = _neighbours_together(rods.control_points)
+        level.kept["order"] = ((), order)
+    return order
 
 
 def _neighbours_together(control_points: np.ndarray) -> np.ndarray:
@@ -284,7 +298,7 @@ def opacity_terms(rods: Rods, level: Level, through: np.ndarray, residual: np.nd
         level.spreads,
         through,
         residual,
-        _neighbours_together(rods.control_points),
+        _order(rods, level),
         evidence,
     )
     return evidence

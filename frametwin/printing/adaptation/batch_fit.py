@@ -17,9 +17,11 @@ from frametwin.fields.lattice import LatticeField
 from frametwin.fitting.api import FitResult, fit_views
 from frametwin.fitting.camera_corrections import as_found
 from frametwin.fitting.fast_settings import Stage
+from frametwin.fitting.known_start import KnownStart
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.adapt import lost_struts
 from frametwin.printing.adaptation.evidence import Pictures
+from frametwin.printing.adaptation.last_twin import start_after
 from frametwin.progress import ProgressCallback
 from frametwin.twin.twin import Twin
 
@@ -29,19 +31,20 @@ EVERY_VIEW: dict[str, Any] = {"leave_out_views": False}
 WARM: dict[str, Any] = {
     **EVERY_VIEW,
     "refine": (
-        Stage(detail=0.9, blur=1.5, iterations=2, pieces=4, pull=0.12, drag=1.2),
-        Stage(detail=0.9, blur=1.0, iterations=2, pieces=4, pull=0.12, drag=0.4),
+        Stage(detail=0.9, blur=1.5, iterations=1, pieces=4, pull=0.12, drag=1.2),
+        Stage(detail=0.9, blur=1.0, iterations=1, pieces=4, pull=0.12, drag=0.4),
         Stage(detail=1.8, blur=0.7, iterations=2, pieces=6, pull=0.04, drag=0.12, longest=1.5),
     ),
     "finish": (
         Stage(detail=3.6, blur=0.4, iterations=2, pieces=8, pull=0.005, drag=0.08, longest=1.5, share=0.7),
-        Stage(detail=8.0, blur=0.3, iterations=1, pieces=8, pull=0.002, drag=0.04, longest=1.5, share=0.8),
+        Stage(detail=6.0, blur=0.33, iterations=1, pieces=8, pull=0.002, drag=0.04, longest=1.5, share=0.8),
     ),
 }
 """What is left of the schedule of ``fast`` where the plan is the last twin: everything is within a few radii of where
 it starts, so that one more blurred stage does for the coarse ones, and fewer steps do. The error is the same. The last
 stages pull less towards the start, which is no smooth motion of the frame here but the plan. Without the first stage,
-joints that moved by more than about four radii would be lost."""
+joints that moved by more than about four radii would be lost; with more of its steps, more go astray. Pictures that are
+finer than those of the last stage gain nothing."""
 
 MOST_UNCOVERED = 1.0
 """A warm fit is doubted where as many white pixels lie beside the twin as so many typical struts have. Whole prints
@@ -66,11 +69,14 @@ class BatchFit:
         ``"warm"``, ``"cold"``, or ``"warm, then cold"`` where the warm one was doubted.
     seconds
         That the fit took.
+    pictures
+        As it was compared with them, through the cameras where it found them.
     """
 
     result: FitResult
     start: str
     seconds: float
+    pictures: Pictures
 
     @property
     def twin(self) -> Twin:
@@ -91,6 +97,7 @@ def fit_batch(
     warm: bool = True,
     freedom: str = "exact",
     outline_error: float = 0.0,
+    last: Twin | None = None,
     progress: ProgressCallback | None = None,
 ) -> BatchFit:
     """Find the twin of a batch.
@@ -111,6 +118,9 @@ def fit_batch(
         the setting ``cameras`` of the preset ``fast``.
     outline_error
         Pixels by which the outlines in the masks may be wrong; that preset's setting of the name.
+    last
+        The twin of the batch before, if the cameras are where they were then: a warm fit starts from what it found of
+        them and of the joints' material.
 
     Raises
     ------
@@ -125,20 +135,19 @@ def fit_batch(
     with threadpool_limits(limits=1, user_api="blas"):
         if not warm:
             result = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
-            return BatchFit(result, "cold", perf_counter() - began)
+            seen = pictures_through(expected, cameras, masks, result.twin)
+            return BatchFit(result, "cold", perf_counter() - began, seen)
         still = LatticeField.zeros(enlarged_box(expected.bounds), [(1, 1, 1)])
+        known = KnownStart(still) if last is None else start_after(last, still, expected, cameras)
         changes = {**WARM, **seeing}
-        result, start = fit_views(expected, cameras, masks, changes=changes, start=still, callback=progress), "warm"
-        given = Pictures(expected, cameras, masks)
-
-        def seen(twin: Twin) -> Pictures:
-            return pictures_through(expected, cameras, masks, twin) if twin.cameras else given
-
-        if _is_doubtful(seen(result.twin), expected, result):
+        result, start = fit_views(expected, cameras, masks, changes=changes, start=known, callback=progress), "warm"
+        seen = pictures_through(expected, cameras, masks, result.twin)
+        if _is_doubtful(seen, expected, result):
             other = fit_views(expected, cameras, masks, changes=afresh, callback=progress)
-            result = min((result, other), key=lambda found: _disagreement(seen(found.twin), expected, found))
+            both = [(result, seen), (other, pictures_through(expected, cameras, masks, other.twin))]
+            result, seen = min(both, key=lambda found: _disagreement(found[1], expected, found[0]))
             start = "warm, then cold"
-    return BatchFit(result, start, perf_counter() - began)
+    return BatchFit(result, start, perf_counter() - began, seen)
 
 
 def _is_doubtful(pictures: Pictures, expected: Wireframe, result: FitResult) -> bool:

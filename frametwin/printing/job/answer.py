@@ -24,7 +24,7 @@ from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.imaging.view_masks import read_view_masks
 from frametwin.printing.adaptation.adapt import adapt, lost_struts
-from frametwin.printing.adaptation.batch_fit import BatchFit, cropped, fit_batch, pictures_through
+from frametwin.printing.adaptation.batch_fit import BatchFit, fit_batch
 from frametwin.printing.adaptation.compensation import SagForecast, compensate
 from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.adaptation.material_file import NAME as MATERIAL
@@ -44,6 +44,7 @@ from frametwin.printing.records.sequence_file import write_sequence
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.ranges import check_settings
 from frametwin.twin.findings import missing_struts, uncertain_struts
+from frametwin.twin.twin import Twin
 
 ACCEPTABLE = (*guards.KINDS, "contact")
 """What can be accepted by name."""
@@ -113,6 +114,8 @@ class AnsweredStep:
         Of how the print drifts, where the job compensates.
     seen
         How far joints drifted in the batches before: in all of them where the job compensates, else in the last ones.
+    last
+        The twin of the batch before.
     """
 
     design: Wireframe
@@ -122,6 +125,7 @@ class AnsweredStep:
     before: np.ndarray
     forecast: SagForecast | CreepForecast | None = None
     seen: Sequence[Observation] = ()
+    last: Twin | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +243,7 @@ def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progr
             warm=options.warm,
             freedom=chosen,
             outline_error=outline_error(seen),
+            last=step.last if taken.capture.plate is None else None,  # by a plate, each picture tells of its camera
             progress=progress,
         )
 
@@ -251,15 +256,15 @@ def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progr
     if placed is not None:
         fit = dataclasses.replace(fit, result=dataclasses.replace(fit.result, twin=placed.told(fit.twin)))
     used = [i for i, mask in enumerate(looked.masks) if mask.used]
-    whole = [taken.capture.views[i].camera.without_distortion() for i in used]
-    cameras, masks = cropped(frame, whole, [looked.masks[i].coverage for i in used])
+    cameras = [taken.capture.views[i].camera.without_distortion() for i in used]
+    masks = [looked.masks[i].coverage for i in used]
     result = _described(fit, taken)
     laps.append(perf_counter())
     adapted = adapt(frame, result.twin, result.field)
     laps.append(perf_counter())
     following = step.expected.next_struts
     others = None if following is None else _struts_of(adapted, following.struts)
-    evidence = pictures_through(frame, cameras, masks, result.twin).evidence(frame, result.twin, others)
+    evidence = fit.pictures.evidence(frame, result.twin, others)
     laps.append(perf_counter())
     names = ("read", "twin", "adapt", "guards")
     seconds = dict(zip(names, np.diff(laps).tolist(), strict=True))
@@ -345,9 +350,9 @@ def _shows_next_batch(step: AnsweredStep, found: _Found) -> bool:
         return False
     printed[following.struts] = True
     later = step.expected.frame.replace(printed=printed)
-    twin = fit_batch(later, found.cameras, found.masks, freedom=step.settings.cameras).result.twin
-    absent = np.isin(following.struts, lost_struts(later, twin)).mean()
-    mismatch = pictures_through(later, found.cameras, found.masks, twin).evidence(later, twin).mismatch
+    fit = fit_batch(later, found.cameras, found.masks, freedom=step.settings.cameras)
+    absent = np.isin(following.struts, lost_struts(later, fit.twin)).mean()
+    mismatch = fit.pictures.evidence(later, fit.twin).mismatch
     return bool(absent < limits.elsewhere and mismatch < min(limits.mismatch, found.evidence.mismatch))
 
 

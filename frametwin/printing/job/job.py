@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
+from threadpoolctl import threadpool_limits
 
 from frametwin.errors import FrameTwinError, InputError
 from frametwin.files import PathLike, read_json, staged_directory, synced_together, write_json
@@ -38,7 +39,8 @@ from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.records.sequence_file import read_sequence, write_sequence
 from frametwin.printing.toolpath.robot_files import SUMMARY
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.twin.runs import load_run
+from frametwin.twin.runs import is_run, load_run
+from frametwin.twin.twin import Twin, read_twin
 
 
 class JobBusy(FrameTwinError):
@@ -89,6 +91,7 @@ class PrintJob:
         self._first_sequence.end_in(self.design)
         self._forecasts: dict[int, CreepForecast] = {}
         self._observed: dict[int, Observation] = {}
+        self._ready: tuple[int, Any, AnsweredStep] | None = None
 
     @classmethod
     def create(
@@ -253,7 +256,8 @@ class PrintJob:
             stage, following = self._stage(batch), self._stage(batch + 1)
             try:
                 stage.mkdir()
-                with synced_together():
+                # The matrices are small: threads of the linear algebra would wait for each other, forecasts above all.
+                with synced_together(), threadpool_limits(limits=1, user_api="blas"):
                     going = answer_batch(stage, self._step(batch), capture, options or AnswerOptions(), progress)
                     if going is not None:
                         following.mkdir()
@@ -272,7 +276,28 @@ class PrintJob:
         with suppress(JobBusy, OSError), self._locked():
             self._recover()
 
+    def prepare(self) -> None:
+        """Make ready what the next answer needs beside its pictures, while the robot prints; a matter of speed alone.
+
+        What is damaged is told of by the answer.
+        """
+        batch = self.current
+        if batch is not None:
+            with suppress(InputError, OSError):
+                self._step(batch)
+
     def _step(self, batch: int) -> AnsweredStep:
+        """What an answer starts from; the one that was made before where the batch's files are still the same."""
+        plan = self.batch_folder(batch) / files.PLAN
+        written = [
+            (stat.st_size, stat.st_mtime_ns)
+            for stat in (path.stat() for path in (plan, plan.with_name(files.DRIFT)) if path.is_file())
+        ]
+        if self._ready is None or self._ready[:2] != (batch, written):
+            self._ready = (batch, written, self._made_step(batch))
+        return self._ready[2]
+
+    def _made_step(self, batch: int) -> AnsweredStep:
         earlier = {k: self.report(k)["pictures"] for k in range(batch)}
         compensates, ahead = self.settings.adapt and self.settings.compensate, self.anticipation(batch)
         return AnsweredStep(
@@ -283,7 +308,13 @@ class PrintJob:
             before=ahead.plan.vertices,
             forecast=self._forecast_before(batch) if compensates else None,
             seen=self._seen_before(batch, batch if compensates and self.settings.forecast == "linear" else HISTORY),
+            last=self._twin_before(batch),
         )
+
+    def _twin_before(self, batch: int) -> Twin | None:
+        """The twin of the batch before, if there is one."""
+        folder = self.batch_folder(batch - 1) / files.RUN
+        return read_twin(folder) if is_run(folder) else None
 
     def _forecast_before(self, batch: int) -> SagForecast | CreepForecast:
         return self._linear_forecast if self.settings.forecast == "linear" else self._creep_forecast(batch)

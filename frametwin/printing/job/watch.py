@@ -14,11 +14,19 @@ from frametwin.files import PathLike, file_hash, read_json
 from frametwin.printing.job.answer import AnswerOptions
 from frametwin.printing.job.job import JobBusy, PrintJob
 from frametwin.printing.job.raw_pictures import NOTE, RawPictures
+from frametwin.printing.job.whole_endings import ends_whole
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.scratch import scratch_folder
 
-POLL = 0.5
-"""Seconds between two looks. A folder counts as complete when nothing in it has changed from one look to the next."""
+POLL = 0.1
+"""Seconds between two looks. A folder counts as complete when nothing in it has changed from one look to the next and
+all its files end as whole ones do, or when nothing has changed for `SETTLE` seconds."""
+
+AGAIN = 0.05
+"""Seconds after which a folder of whole files is looked at for the second time."""
+
+SETTLE = 0.5
+"""For files whose end does not tell."""
 
 Signature = tuple[tuple[str, int, int], ...]
 
@@ -41,6 +49,8 @@ class Watch:
         See `ProgressCallback`; called at every look, and able to stop the watch.
     poll
         Seconds between looks.
+    settle
+        Seconds for which nothing may change in a folder with files whose end does not tell whether they are whole.
     answered
         Told of each batch that was answered, by its report.
     raw
@@ -53,13 +63,14 @@ class Watch:
     say: Callable[[str], None] = lambda sentence: None
     progress: ProgressCallback | None = None
     poll: float = POLL
+    settle: float = SETTLE
     answered: Callable[[dict[str, Any]], None] = lambda report: None
     raw: RawPictures | None = None
 
     def __post_init__(self) -> None:
         self._done: set[str] = set()  # folders that were answered, in this run or an earlier one
         self._refused: dict[str, tuple[int, Signature]] = {}  # for which batch, and as they were then
-        self._seen: dict[str, Signature] = {}
+        self._seen: dict[str, tuple[Signature, float]] = {}  # and since when they are like that
         self._said = ""
 
     def run(self) -> list[dict[str, Any]]:
@@ -82,24 +93,26 @@ class Watch:
         check_captures_folder(self.captures)
         self.job.recover()
         reports = []
+        self.job.prepare()
         while (batch := self.job.current) is not None:
             total = self.job.sequence.batch_count
             report(self.progress, Progress("waiting for pictures", batch, total))
-            found, why = self._next_capture(batch)
+            found, why, soon = self._next_capture(batch)
             if found is None:
                 place = f"in {self.captures}" if not why else f"({why})"
                 self._tell(f"Waiting for the pictures of batch {batch} of {total} {place}.")
-                time.sleep(self.poll)
+                time.sleep(min(self.poll, AGAIN) if soon else self.poll)
                 continue
             answer = self._answer(found, batch)
             if answer is not None:
                 reports.append(answer)
                 self.answered(answer)
+                self.job.prepare()
         self._tell("The print is finished: all batches have been answered.")
         return reports
 
     def _answer(self, folder: Path, batch: int) -> dict[str, Any] | None:
-        signature = self._seen[folder.name]
+        signature, _ = self._seen[folder.name]
         try:
             answer = self._answer_with(folder, batch)
         except (InputError, Held) as error:
@@ -123,26 +136,35 @@ class Watch:
             notes = {**self.options.notes, NOTE: self.raw.note(folder)}
             return self.job.answer(capture, replace(self.options, notes=notes), self.progress)
 
-    def _next_capture(self, batch: int) -> tuple[Path | None, str]:
-        """The first folder that is complete and new, or why the first new one is not taken yet."""
-        why = ""
+    def _next_capture(self, batch: int) -> tuple[Path | None, str, bool]:
+        """The first folder that is complete and new, or why the first new one is not taken yet and may be soon."""
+        why, soon = "", False
         for folder in sorted(path for path in self.captures.iterdir() if path.is_dir()):
             name = folder.name
             if name.startswith(".") or name in self._done:
                 continue
             missing, signature = _look(folder, self.raw)
-            before, self._seen[name] = self._seen.get(name), signature
+            settled, whole = self._settled(folder, signature)
             if missing:
                 why = why or f"{name} still lacks {missing}"
             elif self._refused.get(name) == (batch, signature):
                 continue
-            elif before != signature:
-                why = why or f"{name} is still growing"
+            elif not settled:
+                why, soon = why or f"{name} is still growing", soon or whole
             elif self._answered_before(folder):
                 self._done.add(name)
             else:
-                return folder, ""
-        return None, why
+                return folder, "", False
+        return None, why, soon
+
+    def _settled(self, folder: Path, signature: Signature) -> tuple[bool, bool]:
+        """Whether a folder as it is now has stopped growing, and whether all its files end as whole ones do."""
+        now = time.monotonic()
+        before, since = self._seen.get(folder.name, ((), now))
+        if before != signature:
+            self._seen[folder.name] = (signature, now)
+        whole = _all_whole(folder, signature)
+        return before == signature and (whole or now - since >= self.settle), whole
 
     def _answered_before(self, folder: Path) -> bool:
         """Whether an earlier run has answered these very pictures."""
@@ -200,6 +222,13 @@ def _look(folder: Path, raw: RawPictures | None = None) -> tuple[str, Signature]
         own = (folder / "transforms.json").is_file()
         return f"a whole {'transforms.json' if own else 'COLMAP model'}", signature
     return (lacking[0].relative_to(folder).as_posix() if lacking else ""), signature
+
+
+def _all_whole(folder: Path, signature: Signature) -> bool:
+    try:
+        return all(ends_whole(folder / name) for name, _, _ in signature)
+    except OSError:  # files come and go
+        return False
 
 
 def _pictures(folder: Path) -> list[Path]:

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import SuperLU
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import Sections, element_loads, element_stiffness, factorise
 from frametwin.printing.process.calibration import LEAST_FLOW
-from frametwin.printing.process.material import PrintSettings
+from frametwin.printing.process.material import PrintSettings, flowed_between
 
 BUBBLE = 3.0 / 14.0 / 3.0 / 24.0
 """An even load q bows a clamped beam by q L^4 / (24 E I) (x (1 - x))^2. The parabola nearest to that, 3/14 x (1 - x),
@@ -154,8 +154,9 @@ class CreepModel:
 
     def flow(self, parameters: CreepParameters, ages: np.ndarray) -> np.ndarray:
         """How far struts of these ages (2, N) in s, before and after, flow; see `PrintSettings.flowed`."""
-        settings = replace(self.settings, hardening=parameters.hardening, rest=parameters.rest)
-        return np.maximum(settings.flowed(*ages), LEAST_FLOW * settings.flow)
+        young, old = ages
+        flowed = flowed_between(young, old, self.settings.flow, parameters.hardening, parameters.rest)
+        return np.maximum(flowed, LEAST_FLOW * self.settings.flow)
 
     def step(
         self, state: PrintState, since: float, parameters: CreepParameters, bows: np.ndarray | None = None

@@ -117,8 +117,13 @@ class PrintSettings:
 
         The integral of the fluidity, exp(-age / hardening) + rest, scaled so that hardening itself comes to ``flow``.
         """
-        softening = np.exp(-young / self.hardening) - np.exp(-old / self.hardening)
-        return self.flow * (softening + self.rest * (old - young) / self.hardening)
+        return flowed_between(young, old, self.flow, self.hardening, self.rest)
+
+
+def flowed_between(young: np.ndarray, old: np.ndarray, flow: float, hardening: float, rest: float) -> np.ndarray:
+    """As `PrintSettings.flowed`, of a material with these settings."""
+    softening = np.exp(-young / hardening) - np.exp(-old / hardening)
+    return flow * (softening + rest * (old - young) / hardening)
 
 
 @dataclass(frozen=True, eq=False)
