@@ -51,7 +51,7 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
     modes, parent = MODES[settings.mode], work_folder(context)
     top: list[float] = []
     told: list[str] = []
-    plan = {"batch_size": settings.batch_size} if settings.batch_size else {}
+    plan = _order_of(settings)
 
     def job(place: int) -> Job:
         mode = modes[place]
@@ -88,6 +88,11 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
         )
 
     return job(0)
+
+
+def _order_of(settings: bpy.types.PropertyGroup) -> dict[str, int]:
+    """What the panel says of the order, as options of a plan; 0 leaves an option as it is."""
+    return {name: value for name in ("batch_size", "coupon") if (value := int(getattr(settings, name)))}
 
 
 def words_of(answer: dict) -> str:
@@ -133,7 +138,7 @@ def plan_print_job(context: bpy.types.Context) -> Job:
     """
     settings, scene_now = settings_of(context).print, keep(context.scene)
     out = fresh_folder(work_folder(context), "print")
-    wanted = {"batch_size": settings.batch_size} if settings.batch_size else {}
+    wanted = _order_of(settings)
     frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=context.scene))
 
     def finish(answer: dict[str, Any]) -> Steps:
@@ -295,6 +300,7 @@ class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
         field(column, context, settings, "mode")
         field(column, context, settings, "seed")
         field(column, context, settings, "batch_size")
+        field(column, context, settings, "coupon")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context)
             layout.operator("frametwin.simulate_print", text="Simulate Print", icon="PLAY")

@@ -255,6 +255,12 @@ class FrameTwinPrint(bpy.types.PropertyGroup):
     batch_size: IntProperty(  # type: ignore[valid-type]
         name="Batch Size", min=0, description="Struts between two looks of the cameras, about; 0: a twentieth of all"
     )
+    coupon: IntProperty(  # type: ignore[valid-type]
+        name="Coupon",
+        min=0,
+        max=1000,
+        description="Single struts laid around the plan first, whose droop tells of the material; 20 do well",
+    )
     first_batch: IntProperty(name="From", min=0, description="Batch to compare with")  # type: ignore[valid-type]
     second_batch: IntProperty(  # type: ignore[valid-type]
         name="To", min=0, default=1, description="Batch that is coloured by its distance from the other"

@@ -125,6 +125,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "Colour by": ("Färben nach", "色分け"),
     "Completeness": ("Vollständigkeit", "完全性"),
     "Confidence": ("Sicherheit", "信頼度"),
+    "Coupon": ("Probestäbe", "試験片"),
     "Displacement": ("Verschiebung", "変位"),
     "Height mm": ("Höhe mm", "高さ mm"),
     "High Angle": ("Oberer Winkel", "上の角度"),

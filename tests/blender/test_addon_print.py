@@ -25,6 +25,7 @@ from frametwin.blender.frames.curves import wireframe_to_curve
 from frametwin.blender.frames.strut_curves import recorded_frame
 from frametwin.capture.image_files import decode_png
 from frametwin.geometry.parametric import named_frame
+from frametwin.printing.job.job import PrintJob
 from frametwin.printing.records.history import read_history
 
 ops = bpy.ops.frametwin
@@ -129,9 +130,11 @@ def test_a_simulated_print_that_is_cancelled_leaves_no_folder(tab: Any, scene: A
 
 
 def test_a_job_for_a_robot_is_planned_and_shown_where_nothing_is_printed(tab: Any, scene: Any) -> None:
+    tab.print.coupon = 6
     ops.plan_print()
     words = cases.pump_until_done(200.0)
     job = Path(tab.print.job)
+    assert PrintJob(job).settings.coupon == 6 and PrintJob(job).design.strut_count == 76 + 6
     assert "print its first batch" in words and list((job / "batches" / "000" / "waypoints").iterdir())
     assert not ops.answer_print.poll()
     ops.show_job()

@@ -54,7 +54,9 @@ def print_picture(
     level = np.minimum((deviation / top * len(SCALE)).astype(int), len(SCALE) - 1)
     layers = [Layer("design", design.control_points, DESIGN, 2.0, least=1.0)]
     for k, colour in enumerate(SCALE):
-        name = f"{k * top / len(SCALE):.1f} to {(k + 1) * top / len(SCALE):.1f} mm off"
+        beyond = k == len(SCALE) - 1 and deviation.max(initial=0.0) > top * (1.0 + 1e-9)
+        to = "mm off and more" if beyond else f"to {(k + 1) * top / len(SCALE):.1f} mm off"
+        name = f"{k * top / len(SCALE):.1f} {to}"
         layers.append(Layer(name, pieces[level == k], colour, 4.0, least=1.6))
     layers.append(Layer("lost", design.control_points[lost], LOST, 4.0, least=1.6))
     low, high = design.bounds

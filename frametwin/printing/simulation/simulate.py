@@ -290,7 +290,10 @@ def draw_print(path: PathLike, simulated: SimulatedPrint) -> None:
     subtitle += (
         f" they are {report.mean_deviation:.2f} mm from the design on average, {report.e_max[-1]:.1f} mm at most"
     )
-    write_png(path, print_picture(design, simulated.standing.pictured, lost, title, subtitle))
+    largest = (
+        report.e_max[-1] or None if simulated.job.settings.coupon else None
+    )  # a coupon droops further than all else
+    write_png(path, print_picture(design, simulated.standing.pictured, lost, title, subtitle, largest))
 
 
 def verdict(simulated: SimulatedPrint) -> str:
