@@ -63,8 +63,8 @@ LARGEST_STEP = 2.0
 """Most by which the logarithm of the weight may change with one twin: the model is linear only nearby."""
 
 LARGEST_TURN = 0.25
-"""Angle in rad by which one strut of a joint at least must not have turned from its plan: the model is one of small
-displacements, and a strut that is falling over, or has, says nothing by how far."""
+"""Angle in rad beyond which a strut with a free end, as those of a coupon are, has turned too far from its plan: the
+model is one of small displacements, and a strut that is falling over, or has, says nothing by how far."""
 
 
 @dataclass(frozen=True)
@@ -232,16 +232,16 @@ class MaterialFit:
         return replace(fit, covariance=total, skill=(*self.skill, fit._skill(record, joints[seen], parts))[-3:])
 
     def _foretellable(self, record: BatchRecord) -> np.ndarray:
-        """(V,) bool: joints that move as the model has it: some strut there has not turned far."""
-        design = self.model.design
-        now = np.where(record.known[:, None], record.state.points + record.moved, record.state.points)
-        struts = np.flatnonzero(record.standing)
+        """(V,) bool: joints that move as the model has it: all but free ends of struts that have turned far."""
+        design, moved = self.model.design, np.where(record.known[:, None], record.moved, 0.0)
+        now = record.state.points + moved
+        struts = np.flatnonzero(record.standing & (design.degree[design.edges] == 1).any(axis=1))
         ends = design.edges[struts]
         planned, chord = (points[ends[:, 1]] - points[ends[:, 0]] for points in (design.vertices, now))
         along = np.sum(planned * chord, axis=1) / (np.linalg.norm(planned, axis=1) * np.linalg.norm(chord, axis=1))
-        upright = np.zeros(design.vertex_count, dtype=bool)
-        upright[ends[along > np.cos(LARGEST_TURN)].ravel()] = True
-        return upright
+        upright = np.ones(design.vertex_count, dtype=bool)
+        upright[ends[along < np.cos(LARGEST_TURN)].ravel()] = False
+        return upright | (design.degree > 1)
 
     def _told_apart(self, struts: np.ndarray) -> np.ndarray:
         """Rows of the values that struts depend on."""
