@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from frametwin.raster import rod_kernels, rods
 from frametwin.raster.kept_loops import read_code, write_code
 from frametwin.raster.machine_code import MachineCode
+from frametwin.raster.object_file import missing_symbols
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="machine code is kept on Linux alone")
 
@@ -85,6 +87,35 @@ def test_half_a_file_is_none(folder: Path) -> None:
         assert read_code(kept) is None
     assert said(folder) == ["3.0", "True"]
     assert kept.read_bytes() == whole and said(folder) == ["3.0", "False"]
+
+
+@pytest.mark.parametrize("change", ["garbage", "half", "unknown call", "no words"])
+def test_code_that_cannot_be_linked_is_left_to_numba(folder: Path, change: str) -> None:
+    """A linker would end the process, with all that it has found, for each of these."""
+    (path,) = folder.glob("*.code")
+    made = read_code(path)
+    assert made is not None and missing_symbols(made.code)
+    code, name = made.code, missing_symbols(made.code)[0].encode()
+    changed = {
+        "garbage": bytes(range(256)) * 8,
+        "half": code[: len(code) // 2],
+        "unknown call": code.replace(name + b"\0", name[:-1] + b"\x7e\0"),
+        "no words": code,
+    }[change]
+    write_code(path, MachineCode(made.symbol, changed))
+    if change == "no words":
+        rest = b"\xff\xfe\n" + code
+        path.write_bytes(sha256(rest).hexdigest().encode() + b"\n" + rest)
+    assert said(folder) == ["3.0", "True"]
+
+
+def test_what_an_object_file_calls_is_read_whole_or_not_at_all(folder: Path) -> None:
+    (path,) = folder.glob("*.code")
+    made = read_code(path)
+    assert made is not None and "NRT_MemInfo_alloc_aligned" in missing_symbols(made.code)
+    for length in range(0, len(made.code), max(1, len(made.code) // 50)):
+        with pytest.raises(ValueError, match="object file"):
+            missing_symbols(made.code[:length])
 
 
 def test_code_comes_back_as_it_was_written(tmp_path: Path) -> None:

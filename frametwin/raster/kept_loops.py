@@ -116,7 +116,7 @@ def read_code(path: Path) -> MachineCode | None:
     if sha256(rest).hexdigest().encode() != digest:
         return None
     symbol, _, code = rest.partition(b"\n")
-    return MachineCode(symbol.decode(), code)
+    return MachineCode(symbol.decode(errors="replace"), code)
 
 
 def write_code(path: Path, made: MachineCode) -> None:

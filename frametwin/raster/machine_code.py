@@ -24,6 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from frametwin.raster.object_file import missing_symbols
+
 HARMLESS = {"NUMBA_NUM_THREADS", "NUMBA_CACHE_DIR"}
 """Variables of the environment that change nothing of the code; with any other of numba's, numba is asked."""
 
@@ -142,10 +144,11 @@ class Linker:
             with self._alone:
                 address = self._engine.get_function_address(made.symbol)
                 if not address:  # it has not been linked yet
+                    self._require_linkable(made.code)
                     self._engine.add_object_file(self._llvm.ObjectFileRef.from_data(made.code))
                     self._engine.finalize_object()
                     address = self._engine.get_function_address(made.symbol)
-        except RuntimeError as error:
+        except (RuntimeError, ValueError) as error:
             raise NotUsable(str(error)) from error
         if not address:
             raise NotUsable(f"no {made.symbol}")
@@ -162,6 +165,15 @@ class Linker:
                 raise NotUsable(f"{made.symbol} reports an error")
 
         return loop
+
+    def _require_linkable(self, code: bytes) -> None:
+        """Refuse what would end the process: what is no object file, and what calls something that is not here.
+
+        Such as vectors of numba's optional library of mathematics, which numba alone loads.
+        """
+        missing = [name for name in missing_symbols(code) if not self._llvm.address_of_symbol(name)]
+        if missing:
+            raise NotUsable(f"no {missing[0]}")
 
 
 def _parts(array: np.ndarray) -> tuple[Any, ...]:
