@@ -58,6 +58,33 @@ def said(folder: Path, add: float = 0.0, **variables: str) -> list[str]:
     return done.stdout.split()
 
 
+THREADS = """
+import sys
+import numba
+import numpy as np
+from frametwin.raster.machine_code import linker
+
+@numba.njit(parallel=True)
+def one(numbers):
+    for i in numba.prange(len(numbers)):
+        numbers[i] = 1.0
+
+if sys.argv[1] == "told":
+    one(np.zeros(9))
+    numba.set_num_threads(1)
+linker()
+print(numba.get_num_threads())
+"""
+
+
+@pytest.mark.parametrize(("order", "threads"), [("told", "1"), ("not told", "2")])
+def test_the_number_of_threads_that_numba_was_told_stays(order: str, threads: str) -> None:
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "2"}
+    command = [sys.executable, "-c", THREADS, order]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [threads]
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A module of loops that have been compiled."""

@@ -189,8 +189,9 @@ def _symbols(threads: int) -> dict[str, int]:
     found |= {name if name.startswith("_") else f"NRT_{name}": address for name, address in memory.items()}
     found |= {name: getattr(pool, name) for name in SCHEDULING}
     found["numba_parallel_for"] = pool.parallel_for
-    for name in ("launch_threads", "set_num_threads"):
-        CFUNCTYPE(None, c_int)(getattr(pool, name))(threads)
+    CFUNCTYPE(None, c_int)(pool.launch_threads)(threads)  # which does nothing where numba has launched them
+    if CFUNCTYPE(c_int)(pool.get_num_threads)() < 1:  # nobody has said how many of them are to work
+        CFUNCTYPE(None, c_int)(pool.set_num_threads)(threads)
     return found
 
 
