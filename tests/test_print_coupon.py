@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -148,6 +149,20 @@ def test_an_order_for_the_frame_serves_with_a_coupon_too(tmp_path: Path) -> None
     kept = sequence.part(job.settings.of_frame(job.design), used)
     assert np.array_equal(kept.struts, plain.struts) and np.array_equal(kept.batch, plain.batch)
     kept.end_in(frame.subset(np.ones(frame.strut_count, dtype=bool))[0])
+
+
+def test_a_job_with_more_of_it_than_there_are_struts_is_damaged(tmp_path: Path) -> None:
+    job = plan_job(tmp_path / "job", named_frame("bridge"), PlanOptions(coupon=2, allow_contact=True))
+    path = tmp_path / "job" / "job.json"
+    told = json.loads(path.read_text(encoding="utf-8"))
+    for count, fits in ((job.design.strut_count - 1, True), (job.design.strut_count, False)):
+        told["settings"]["coupon"] = count
+        path.write_text(json.dumps(told), encoding="utf-8")
+        if fits:
+            assert PrintJob(tmp_path / "job").settings.of_frame(job.design).sum() == 1
+        else:
+            with pytest.raises(InputError, match=r"settings\.coupon: is [0-9]+, and there are only"):
+                PrintJob(tmp_path / "job")
 
 
 def test_orders_of_all_kinds_come_after_it() -> None:
