@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from frametwin.raster import rod_kernels, rods
-from frametwin.raster.kept_loops import read_code, write_code
+from frametwin.raster.kept_loops import KeptLoops, read_code, write_code
 from frametwin.raster.machine_code import MachineCode
 from frametwin.raster.object_file import missing_symbols
 
@@ -169,3 +169,16 @@ def test_kept_loops_do_what_numba_does() -> None:
     assert np.allclose(found[0][0], 1.0 - through - target, atol=1e-6)
     for residual, losses in found[1:]:
         assert np.array_equal(residual, found[0][0]) and np.array_equal(losses, found[0][1])
+
+
+def test_another_numba_or_llvmlite_than_is_expected_is_left_to_numba(monkeypatch: pytest.MonkeyPatch) -> None:
+    def changed() -> str:
+        raise AttributeError("get_host_cpu_name")
+
+    monkeypatch.setattr("frametwin.raster.kept_loops.host", changed)
+    residual, losses = np.empty(200, dtype=np.float32), np.empty(1)
+    white = np.ones(200, dtype=np.float32)
+    KeptLoops("frametwin.raster.rod_kernels").compare(
+        white, white, np.array([[10, 20]]), np.array([0]), residual, losses
+    )
+    assert (residual == -1.0).all()
