@@ -146,3 +146,19 @@ def test_every_way_of_fitting_gives_the_same_kind_of_result(preset: str) -> None
     assert all(loss > 0.0 for loss in part.loss) and len(part.loss) >= 3
     way, field = part.vertices - PLAN.vertices, part.field.evaluate(np.array(PLAN.vertices))
     assert np.linalg.norm(field - way, axis=1).mean() < 0.75 * np.linalg.norm(way, axis=1).mean()
+
+
+def test_nearer_views_alone_ask_for_no_more_than_is_kept_of_the_pictures() -> None:
+    """They cover more pixels than all views do on average, and pictures that were reduced stay so."""
+    first = CAMERAS[0]
+    away = np.array(first.camera_to_world)
+    away[:3, 3] += 2.0 * (first.centre - PLAN.bounds.mean(axis=0))
+    cameras = [first, replace(first, camera_to_world=away)]
+    masks = [masks_of(PLAN)[0]] * 2
+    asked = Levels(PLAN, Pyramid(cameras, []))
+    detail = 0.5 * asked.density * asked.radius  # half of the size of all
+    levels = Levels(PLAN, Pyramid(cameras, masks, largest=asked.scale(detail)))
+    assert levels.scale(detail) == levels.scale(10.0 * detail) == 0.5
+    near = levels.of_views(np.array([0])).at(10.0 * detail, 0.0)
+    assert near.target.size == levels.at(detail, 0.0).target.size // 2
+    assert np.array_equal(near.target, levels.at(detail, 0.0).target[: near.target.size])

@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from frametwin.raster import rod_kernels, rods
-from frametwin.raster.kept_loops import read_code, write_code
+from frametwin.raster.kept_loops import KeptLoops, read_code, write_code
 from frametwin.raster.machine_code import MachineCode
+from frametwin.raster.object_file import missing_symbols
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="machine code is kept on Linux alone")
 
@@ -56,6 +58,33 @@ def said(folder: Path, add: float = 0.0, **variables: str) -> list[str]:
     return done.stdout.split()
 
 
+THREADS = """
+import sys
+import numba
+import numpy as np
+from frametwin.raster.machine_code import linker
+
+@numba.njit(parallel=True)
+def one(numbers):
+    for i in numba.prange(len(numbers)):
+        numbers[i] = 1.0
+
+if sys.argv[1] == "told":
+    one(np.zeros(9))
+    numba.set_num_threads(1)
+linker()
+print(numba.get_num_threads())
+"""
+
+
+@pytest.mark.parametrize(("order", "threads"), [("told", "1"), ("not told", "2")])
+def test_the_number_of_threads_that_numba_was_told_stays(order: str, threads: str) -> None:
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "2"}
+    command = [sys.executable, "-c", THREADS, order]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [threads]
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A module of loops that have been compiled."""
@@ -87,6 +116,35 @@ def test_half_a_file_is_none(folder: Path) -> None:
     assert kept.read_bytes() == whole and said(folder) == ["3.0", "False"]
 
 
+@pytest.mark.parametrize("change", ["garbage", "half", "unknown call", "no words"])
+def test_code_that_cannot_be_linked_is_left_to_numba(folder: Path, change: str) -> None:
+    """A linker would end the process, with all that it has found, for each of these."""
+    (path,) = folder.glob("*.code")
+    made = read_code(path)
+    assert made is not None and missing_symbols(made.code)
+    code, name = made.code, missing_symbols(made.code)[0].encode()
+    changed = {
+        "garbage": bytes(range(256)) * 8,
+        "half": code[: len(code) // 2],
+        "unknown call": code.replace(name + b"\0", name[:-1] + b"\x7e\0"),
+        "no words": code,
+    }[change]
+    write_code(path, MachineCode(made.symbol, changed))
+    if change == "no words":
+        rest = b"\xff\xfe\n" + code
+        path.write_bytes(sha256(rest).hexdigest().encode() + b"\n" + rest)
+    assert said(folder) == ["3.0", "True"]
+
+
+def test_what_an_object_file_calls_is_read_whole_or_not_at_all(folder: Path) -> None:
+    (path,) = folder.glob("*.code")
+    made = read_code(path)
+    assert made is not None and "NRT_MemInfo_alloc_aligned" in missing_symbols(made.code)
+    for length in range(0, len(made.code), max(1, len(made.code) // 50)):
+        with pytest.raises(ValueError, match="object file"):
+            missing_symbols(made.code[:length])
+
+
 def test_code_comes_back_as_it_was_written(tmp_path: Path) -> None:
     made = MachineCode("name", b"\x00\n\xff" * 40)
     write_code(tmp_path / "a.code", made)
@@ -111,3 +169,16 @@ def test_kept_loops_do_what_numba_does() -> None:
     assert np.allclose(found[0][0], 1.0 - through - target, atol=1e-6)
     for residual, losses in found[1:]:
         assert np.array_equal(residual, found[0][0]) and np.array_equal(losses, found[0][1])
+
+
+def test_another_numba_or_llvmlite_than_is_expected_is_left_to_numba(monkeypatch: pytest.MonkeyPatch) -> None:
+    def changed() -> str:
+        raise AttributeError("get_host_cpu_name")
+
+    monkeypatch.setattr("frametwin.raster.kept_loops.host", changed)
+    residual, losses = np.empty(200, dtype=np.float32), np.empty(1)
+    white = np.ones(200, dtype=np.float32)
+    KeptLoops("frametwin.raster.rod_kernels").compare(
+        white, white, np.array([[10, 20]]), np.array([0]), residual, losses
+    )
+    assert (residual == -1.0).all()

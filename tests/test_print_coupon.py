@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.spatial import cKDTree
 from small_frames import tower
 
+from frametwin.cli.main import cli
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
 from frametwin.geometry.displacement import largest_deviation
@@ -88,6 +91,41 @@ def test_no_coupon_leaves_the_frame_as_it_is_and_none_stands_without_a_plate() -
         with_coupon(frame.replace(grounded=[False] * frame.vertex_count), 3)
 
 
+def test_vertices_that_no_strut_uses_are_no_plate() -> None:
+    frame = named_frame("bridge")
+    more = Wireframe.create(
+        np.vstack([frame.vertices, [[0.0, 0.0, -100.0]]]),
+        frame.edges,
+        radius=frame.radius,
+        grounded=[*frame.grounded, True],
+        name="more",
+    )
+    feet = with_coupon(more, 3).vertices[-6::2]
+    assert np.array_equal(feet, with_coupon(frame, 3).vertices[-6::2])
+    with pytest.raises(InputError, match="nothing stands on the plate"):
+        with_coupon(more.replace(grounded=[*[False] * frame.vertex_count, True]), 3)
+
+
+def test_a_coupon_outside_of_the_workspace_is_named(tmp_path: Path) -> None:
+    frame = named_frame("bridge")
+    low, high = frame.bounds
+    tight = (*(low - 2.0), *(high + 300.0))
+    for base in (None, ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))):
+        options = PlanOptions(coupon=8, allow_contact=True, workspace=tight, base=base)
+        with pytest.raises(InputError, match=r"coupon: its struts around the frame reach [0-9.]+ mm outside"):
+            plan_job(tmp_path / "job", frame, options)
+    assert not (tmp_path / "job").exists()
+    wide = (*(low - 300.0), *(high + 300.0))
+    assert plan_job(tmp_path / "job", frame, replace(options, workspace=wide)).settings.coupon == 8
+
+
+def test_a_frame_in_place_of_the_number_is_told_of(tmp_path: Path) -> None:
+    command = ["print", "plan", "--coupon", "bridge.json", "--out", str(tmp_path / "job")]
+    said = CliRunner().invoke(cli, command)
+    assert said.exit_code == 2 and "'bridge.json' is no number of struts" in said.output
+    assert "1000" in CliRunner().invoke(cli, [*command[:2], "bridge", *command[4:], "--coupon", "5000"]).output
+
+
 def test_it_is_laid_first_a_few_struts_at_a_time(tmp_path: Path) -> None:
     frame = named_frame("bridge")
     job = plan_job(tmp_path / "job", frame, PlanOptions(coupon=10, allow_contact=True))
@@ -111,6 +149,20 @@ def test_an_order_for_the_frame_serves_with_a_coupon_too(tmp_path: Path) -> None
     kept = sequence.part(job.settings.of_frame(job.design), used)
     assert np.array_equal(kept.struts, plain.struts) and np.array_equal(kept.batch, plain.batch)
     kept.end_in(frame.subset(np.ones(frame.strut_count, dtype=bool))[0])
+
+
+def test_a_job_with_more_of_it_than_there_are_struts_is_damaged(tmp_path: Path) -> None:
+    job = plan_job(tmp_path / "job", named_frame("bridge"), PlanOptions(coupon=2, allow_contact=True))
+    path = tmp_path / "job" / "job.json"
+    told = json.loads(path.read_text(encoding="utf-8"))
+    for count, fits in ((job.design.strut_count - 1, True), (job.design.strut_count, False)):
+        told["settings"]["coupon"] = count
+        path.write_text(json.dumps(told), encoding="utf-8")
+        if fits:
+            assert PrintJob(tmp_path / "job").settings.of_frame(job.design).sum() == 1
+        else:
+            with pytest.raises(InputError, match=r"settings\.coupon: is [0-9]+, and there are only"):
+                PrintJob(tmp_path / "job")
 
 
 def test_orders_of_all_kinds_come_after_it() -> None:

@@ -119,6 +119,16 @@ COUPON = 20
 """Struts of a coupon: each flows by 30 % faster or slower than the others, their mean by 7."""
 
 
+class StrutCount(click.IntRange):
+    """Struts of a coupon. The number may be left out, so that what follows may be meant for something else."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """See `click.ParamType.convert`."""
+        if isinstance(value, str) and not value.strip().lstrip("+-").isdecimal():
+            self.fail(f"{value!r} is no number of struts; give one, or put the option last", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 def loop_options(function: Function) -> Function:
     """Add the options that say how a job goes on from batch to batch."""
     for option in reversed(
@@ -146,7 +156,7 @@ def loop_options(function: Function) -> Function:
             ),
             click.option(
                 "--coupon",
-                type=click.IntRange(0, 1000),
+                type=StrutCount(0, 1000),
                 is_flag=False,
                 flag_value=COUPON,
                 default=0,

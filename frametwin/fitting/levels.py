@@ -55,8 +55,11 @@ class Levels:
         return self._pyramid.black_and_white
 
     def scale(self, detail: float) -> float:
-        """Of the pictures of `at`, relative to the full ones."""
-        return min(1.0, detail / (self._density * self._radius))
+        """Of the pictures of `at`, relative to the full ones.
+
+        Some of the views alone may be nearer than all of them are, and ask for more than is kept of the pictures.
+        """
+        return min(self._pyramid.largest, detail / (self._density * self._radius))
 
     def of_views(self, chosen: np.ndarray) -> Levels:
         """Those of some of the views alone."""

@@ -42,6 +42,9 @@ class KeptLoops:
         self._linked: dict[tuple[str, Kinds], Loop | None] = {}
 
     def __getattr__(self, name: str) -> Loop:
+        if name.startswith("_"):  # no loop, but something of its own that could not be found
+            raise AttributeError(name)
+
         def loop(*arrays: np.ndarray) -> None:
             self._run(name, arrays)
 
@@ -61,7 +64,7 @@ class KeptLoops:
 
     def _found(self, name: str, kinds: Kinds) -> Loop | None:
         """A loop whose code is kept."""
-        with contextlib.suppress(NotUsable, OSError, ImportError, RuntimeError):  # or no home is known
+        with contextlib.suppress(NotUsable, OSError, ImportError, AttributeError, RuntimeError):  # or no home is known
             for folder in self._folders():
                 made = read_code(folder / self._file(name, kinds))
                 if made is not None:
@@ -74,7 +77,7 @@ class KeptLoops:
         function(*arrays)
         if self._linked[name, kinds] is not None:
             return
-        with contextlib.suppress(NotUsable, OSError, ImportError, InputError, RuntimeError):
+        with contextlib.suppress(NotUsable, OSError, ImportError, AttributeError, InputError, RuntimeError):
             file = self._file(name, kinds)
             made = code_of(function, kinds)
             for folder in self._folders():
@@ -116,7 +119,7 @@ def read_code(path: Path) -> MachineCode | None:
     if sha256(rest).hexdigest().encode() != digest:
         return None
     symbol, _, code = rest.partition(b"\n")
-    return MachineCode(symbol.decode(), code)
+    return MachineCode(symbol.decode(errors="replace"), code)
 
 
 def write_code(path: Path, made: MachineCode) -> None:

@@ -24,6 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from frametwin.raster.object_file import missing_symbols
+
 HARMLESS = {"NUMBA_NUM_THREADS", "NUMBA_CACHE_DIR"}
 """Variables of the environment that change nothing of the code; with any other of numba's, numba is asked."""
 
@@ -142,10 +144,11 @@ class Linker:
             with self._alone:
                 address = self._engine.get_function_address(made.symbol)
                 if not address:  # it has not been linked yet
+                    self._require_linkable(made.code)
                     self._engine.add_object_file(self._llvm.ObjectFileRef.from_data(made.code))
                     self._engine.finalize_object()
                     address = self._engine.get_function_address(made.symbol)
-        except RuntimeError as error:
+        except (RuntimeError, ValueError) as error:
             raise NotUsable(str(error)) from error
         if not address:
             raise NotUsable(f"no {made.symbol}")
@@ -163,6 +166,15 @@ class Linker:
 
         return loop
 
+    def _require_linkable(self, code: bytes) -> None:
+        """Refuse what would end the process: what is no object file, and what calls something that is not here.
+
+        Such as vectors of numba's optional library of mathematics, which numba alone loads.
+        """
+        missing = [name for name in missing_symbols(code) if not self._llvm.address_of_symbol(name)]
+        if missing:
+            raise NotUsable(f"no {missing[0]}")
+
 
 def _parts(array: np.ndarray) -> tuple[Any, ...]:
     place = array.__array_interface__["data"][0]
@@ -177,8 +189,9 @@ def _symbols(threads: int) -> dict[str, int]:
     found |= {name if name.startswith("_") else f"NRT_{name}": address for name, address in memory.items()}
     found |= {name: getattr(pool, name) for name in SCHEDULING}
     found["numba_parallel_for"] = pool.parallel_for
-    for name in ("launch_threads", "set_num_threads"):
-        CFUNCTYPE(None, c_int)(getattr(pool, name))(threads)
+    CFUNCTYPE(None, c_int)(pool.launch_threads)(threads)  # which does nothing where numba has launched them
+    if CFUNCTYPE(c_int)(pool.get_num_threads)() < 1:  # nobody has said how many of them are to work
+        CFUNCTYPE(None, c_int)(pool.set_num_threads)(threads)
     return found
 
 

@@ -141,6 +141,7 @@ class Pyramid:
         self.cameras = tuple(cameras)
         self.lens = None if lens is None else np.asarray(lens, dtype=np.float64)
         self.black_and_white = (self.lens is None or not self.lens.any()) and all(map(_of_two_values, masks))
+        self.largest = largest
         self.masks = tuple(_as_reduced(mask, largest) for mask in masks)
         self._last: tuple[float, tuple[list[Camera], list[np.ndarray]]] = (0.0, ([], []))
 

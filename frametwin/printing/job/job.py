@@ -89,6 +89,9 @@ class PrintJob:
         self.design: Wireframe = frame_json.read(self.folder / files.DESIGN)
         self._first_sequence: PrintSequence = read_sequence(self.folder / files.SEQUENCE)
         self._first_sequence.end_in(self.design)
+        if self.settings.coupon >= self.design.strut_count:
+            problem = f"is {self.settings.coupon}, and there are only {self.design.strut_count} struts in all"
+            raise InputError.at(self.folder / files.JOB, "settings.coupon", problem, "plan the job again")
         self._forecasts: dict[int, CreepForecast] = {}
         self._observed: dict[int, Observation] = {}
         self._ready: tuple[int, Any, AnsweredStep] | None = None

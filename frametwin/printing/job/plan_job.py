@@ -27,7 +27,7 @@ from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
 from frametwin.printing.toolpath.robot_files import ArmName, Formats, RobotSettings, ToolLength, check_arm
 from frametwin.printing.toolpath.waypoints import WaypointSettings
-from frametwin.printing.toolpath.workspace import Workspace
+from frametwin.printing.toolpath.workspace import ROUNDING, Workspace
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.ranges import Seed, Tilt, above, at_least, check_settings, check_values, in_words, one_of, sized, within
 from frametwin.twin.runs import require_free
@@ -205,6 +205,7 @@ def plan_job(
     cut = order is None or options.batch_size is not None or (given is not None and given.batch is None)
     if options.coupon:
         coupon = np.flatnonzero(~settings.of_frame(design))
+        require_room(design, coupon, settings.robot.workspace)
         given = (GivenOrder(source=frame.name) if given is None else given).after(design, coupon, UNTRUSTED_SIZE)
     sequence = plan_order(design, ordering, given, cut, progress)
     if known is not None:
@@ -222,6 +223,23 @@ def known_material(path: PathLike | None) -> MaterialEstimate | None:
         If there is none, or it is damaged.
     """
     return None if path is None else for_next_print(read_usual(path))
+
+
+def require_room(design: Wireframe, coupon: np.ndarray, workspace: Workspace) -> None:
+    """Refuse a coupon, struts (N,) of a design, that lies outside of the workspace.
+
+    Raises
+    ------
+    InputError
+        The sentence says by how much.
+    """
+    where = workspace.in_base(design.vertices[design.edges[coupon]])
+    beyond = float(np.maximum(workspace.lower - where, where - workspace.upper).max())
+    if beyond > ROUNDING:
+        problem = f"its struts around the frame reach {beyond:.3g} mm outside of the workspace"
+        raise InputError.at(
+            design.name, "coupon", problem, "move the print, ask for fewer struts, or give the robot's own workspace"
+        )
 
 
 def without_coupon(

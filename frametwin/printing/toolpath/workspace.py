@@ -67,7 +67,11 @@ class Workspace:
 
     def positions(self, waypoints: Waypoints) -> np.ndarray:
         """(N, 3) array, mm: waypoints in the robot's base."""
-        return waypoints.position @ self.base[:3, :3].T + self.base[:3, 3]
+        return self.in_base(waypoints.position)
+
+    def in_base(self, points: np.ndarray) -> np.ndarray:
+        """(..., 3) array, mm: points of the frame in the robot's base."""
+        return points @ self.base[:3, :3].T + self.base[:3, 3]
 
     def rotations(self, waypoints: Waypoints) -> np.ndarray:
         """(N, 3, 3) array: rotations of the tool in the robot's base."""
