@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from print_physics import twin_at
 from scipy.spatial import cKDTree
 from small_frames import tower
 
@@ -18,8 +19,10 @@ from frametwin.geometry import bezier
 from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.adaptation.material_file import read_material
 from frametwin.printing.adaptation.material_fit import BatchRecord, MaterialFit
+from frametwin.printing.job.guards import Expectation, GuardLimits, doubts_of_twin
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, guessed_outlook, plan_job
 from frametwin.printing.process.coupon import DROOP, with_coupon
@@ -244,3 +247,26 @@ def test_whether_a_print_stands_is_told_of_the_frame_alone(tmp_path: Path) -> No
     write_sequence(tmp_path / "order.json", plain.sequence)
     job = plan_job(tmp_path / "job", frame, replace(options, coupon=8), order=tmp_path / "order.json")
     assert guessed_outlook(job) == guessed_outlook(plain)
+
+
+def test_a_coupon_that_droops_and_falls_holds_no_print(tmp_path: Path) -> None:
+    frame = tower(2)
+    job = plan_job(tmp_path / "job", frame, PlanOptions(coupon=4, allow_contact=True))
+    design, sequence = job.design, job.sequence
+    count, printed = design.strut_count, np.ones(design.strut_count, dtype=bool)
+    vertices = np.array(design.vertices)
+    tips = design.edges[coupon_of(frame, 4), 1]
+    vertices[tips[:2], 2] -= 40.0
+    standing = printed.copy()
+    standing[-2:] = False
+    twin = twin_at(vertices, design.moved_to(vertices).control_points, completeness=standing.astype(float))
+    last = sequence.batch_count - 1
+    stands, evidence = design.replace(printed=standing), Evidence(0.0, 0.0, 0.0, np.full(0, np.nan))
+    kinds = [
+        [
+            doubt.kind
+            for doubt in doubts_of_twin(expected, twin, design.replace(printed=standing), evidence, GuardLimits())
+        ]
+        for expected in (Expectation(last, sequence, design.replace(printed=printed), coupon) for coupon in (4, 0))
+    ]
+    assert kinds[0] == [] and "displacement" in kinds[1] and count == 28

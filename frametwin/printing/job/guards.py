@@ -115,11 +115,20 @@ class Expectation:
         The job's, as it stands.
     frame
         The plan that the robot followed, with what should be printed by now.
+    coupon
+        How many of its last struts are a test coupon, which may droop and fall.
     """
 
     batch: int
     sequence: PrintSequence
     frame: Wireframe
+    coupon: int = 0
+
+    @property
+    def of_frame(self) -> np.ndarray:
+        """(E,) bool: struts that are not those of a coupon."""
+        count = self.frame.strut_count
+        return np.arange(count) < count - self.coupon
 
     @property
     def laid(self) -> np.ndarray:
@@ -211,7 +220,7 @@ def doubts_of_twin(
     batch, printed = expected.batch, expected.frame.printed
     lost = np.flatnonzero(printed & ~adapted.printed)
     doubts = _doubts_of_batch(expected, lost, evidence, limits)
-    before = np.array(printed)
+    before = printed & expected.of_frame
     before[expected.laid] = False
     gone = int(before[lost].sum())
     if gone > limits.collapsed * max(1, int(before.sum())):
@@ -224,7 +233,7 @@ def doubts_of_twin(
         remedy = "look at the pictures, the lights and the cameras' calibration"
         doubts.append(Doubt("poor-fit", problem, remedy))
     doubts += doubts_of_verdict(twin)
-    joints = adapted.printed_vertices()
+    joints = adapted.replace(printed=adapted.printed & expected.of_frame).printed_vertices()
     way = np.linalg.norm(twin.vertices[joints] - expected.frame.vertices[joints], axis=1).max(initial=0.0)
     length = float(np.median(expected.frame.lengths))
     if way > limits.displacement * length:

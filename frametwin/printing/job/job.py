@@ -203,7 +203,8 @@ class PrintJob:
         printed = ahead.plan.printed.copy()
         printed[ahead.laying.struts] = True
         soon = ahead.frame(len(ahead.laying)).replace(printed=printed)
-        return Expectation(batch, self.sequence_at(batch), feet_on_plate(soon, self.design, soon.printed_vertices()))
+        expected = feet_on_plate(soon, self.design, soon.printed_vertices())
+        return Expectation(batch, self.sequence_at(batch), expected, self.settings.coupon)
 
     def states(self) -> list[BatchState]:
         """All batches, those of the sequence as it goes on now."""

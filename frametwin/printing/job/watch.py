@@ -19,14 +19,14 @@ from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.scratch import scratch_folder
 
 POLL = 0.1
-"""Seconds between two looks. A folder counts as complete when nothing in it has changed from one look to the next and
-all its files end as whole ones do, or when nothing has changed for `SETTLE` seconds."""
+"""Seconds between two looks. A folder counts as complete when nothing in it has changed for `AGAIN` seconds and all its
+files end as whole ones do, or for `SETTLE` seconds."""
 
-AGAIN = 0.05
-"""Seconds after which a folder of whole files is looked at for the second time."""
+AGAIN = 0.2
+"""Seconds for which nothing may change in a folder of whole files: others, such as a background, may still come."""
 
 SETTLE = 0.5
-"""For files whose end does not tell."""
+"""The same for files whose end does not tell."""
 
 Signature = tuple[tuple[str, int, int], ...]
 
@@ -164,7 +164,7 @@ class Watch:
         if before != signature:
             self._seen[folder.name] = (signature, now)
         whole = _all_whole(folder, signature)
-        return before == signature and (whole or now - since >= self.settle), whole
+        return before == signature and now - since >= min(self.settle, AGAIN if whole else self.settle), whole
 
     def _answered_before(self, folder: Path) -> bool:
         """Whether an earlier run has answered these very pictures."""

@@ -17,7 +17,7 @@ from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.answer import ACCEPTABLE, AnswerOptions
 from frametwin.printing.job.job import PrintJob
-from frametwin.printing.job.plan_job import PlanOptions, known_material, plan_job
+from frametwin.printing.job.plan_job import PlanOptions, plan_job
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.simulation.growth import GrowingPrint
 from frametwin.printing.simulation.outcome import BatchOutcome, PrintReport, Standing
@@ -222,13 +222,27 @@ def _job_in(
             progress=progress,
         )
     job = PrintJob(folder)
-    design = options.plan.design(frame, known_material(material))
-    design = design.replace(printed=np.ones(design.strut_count, dtype=bool))
-    same = frame_json.to_dict(job.design), read_json(folder / SETTINGS)
-    if [dump_json(item) for item in same] != [dump_json(item) for item in (frame_json.to_dict(design), notes)]:
+    if not _prints(job, frame) or dump_json(read_json(folder / SETTINGS)) != dump_json(notes):
         raise InputError.at(folder, "out", "holds another simulation", "give another folder, or allow overwriting")
     job.recover()
     return job
+
+
+def _prints(job: PrintJob, frame: Wireframe) -> bool:
+    """Whether a job is one of a frame, with a coupon or without."""
+    design, struts, joints = job.design, frame.strut_count, frame.vertex_count
+    if design.name != frame.name or design.strut_count != struts + job.settings.coupon:
+        return False
+    batch = design.batch[:struts] - design.batch[:struts].min()
+    pairs = (
+        (design.vertices[:joints], frame.vertices),
+        (design.edges[:struts], frame.edges),
+        (design.control_points[:struts], frame.control_points),
+        (design.radius[:struts], frame.radius),
+        (design.grounded[:joints], frame.grounded),
+        (batch, frame.batch - frame.batch.min()),
+    )
+    return all(np.array_equal(one, other) for one, other in pairs)
 
 
 def _lay(grown: GrowingPrint, job: PrintJob, batch: int) -> BatchOutcome:
