@@ -263,10 +263,7 @@ def test_a_coupon_that_droops_and_falls_holds_no_print(tmp_path: Path) -> None:
     last = sequence.batch_count - 1
     stands, evidence = design.replace(printed=standing), Evidence(0.0, 0.0, 0.0, np.full(0, np.nan))
     kinds = [
-        [
-            doubt.kind
-            for doubt in doubts_of_twin(expected, twin, design.replace(printed=standing), evidence, GuardLimits())
-        ]
+        [doubt.kind for doubt in doubts_of_twin(expected, twin, stands, evidence, GuardLimits())]
         for expected in (Expectation(last, sequence, design.replace(printed=printed), coupon) for coupon in (4, 0))
     ]
     assert kinds[0] == [] and "displacement" in kinds[1] and count == 28
