@@ -379,7 +379,7 @@ def test_whole_pictures_are_answered_at_once_and_others_once_they_are_left_alone
 
     hand.steps = steps()
     with pytest.raises(Cancelled):
-        Watch(job, captures, say=hand.said.append, progress=hand, poll=0.0, settle=3600.0).run()
+        Watch(job, captures, say=hand.said.append, progress=hand, poll=0.0, again=0.0, settle=3600.0).run()
 
 
 def test_a_job_that_was_made_ready_answers_as_any_other(job: PrintJob, tmp_path: Path) -> None:

@@ -155,7 +155,7 @@ def test_raw_pictures_of_a_rig_are_answered_as_they_appear(tmp_path: Path) -> No
             late.rename(folder / f"{cameras[2].name}.png")
         return len(said) < 100
 
-    reports = Watch(job, shots, say=said.append, progress=hand, poll=0.0, raw=raw).run()
+    reports = Watch(job, shots, say=said.append, progress=hand, poll=0.0, again=0.0, raw=raw).run()
     assert [report["batch"] for report in reports] == list(range(job.file.batches)) and job.current is None
     assert any(f"000 still lacks a picture of {cameras[2].name}" in sentence for sentence in said)
     adapted = job.adapted(job.file.batches - 1)
@@ -182,6 +182,7 @@ def test_raw_pictures_that_were_answered_are_not_taken_again(tmp_path: Path) -> 
                 say=said.append,
                 progress=lambda progress: progress.stage != "waiting for pictures" or next(looks, None) is not None,
                 poll=0.0,
+                again=0.0,
                 raw=raw,
             ).run()
         assert any(words in sentence for sentence in said), said

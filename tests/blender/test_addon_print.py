@@ -24,8 +24,9 @@ from frametwin.blender.display.print_jobs import (
 from frametwin.blender.frames.curves import wireframe_to_curve
 from frametwin.blender.frames.strut_curves import recorded_frame
 from frametwin.capture.image_files import decode_png
+from frametwin.files import read_json
+from frametwin.formats import frame_json
 from frametwin.geometry.parametric import named_frame
-from frametwin.printing.job.job import PrintJob
 from frametwin.printing.records.history import read_history
 
 ops = bpy.ops.frametwin
@@ -134,7 +135,8 @@ def test_a_job_for_a_robot_is_planned_and_shown_where_nothing_is_printed(tab: An
     ops.plan_print()
     words = cases.pump_until_done(200.0)
     job = Path(tab.print.job)
-    assert PrintJob(job).settings.coupon == 6 and PrintJob(job).design.strut_count == 76 + 6
+    assert read_json(job / "job.json")["settings"]["coupon"] == 6
+    assert frame_json.read(job / "design.json").strut_count == 76 + 6
     assert "print its first batch" in words and list((job / "batches" / "000" / "waypoints").iterdir())
     assert not ops.answer_print.poll()
     ops.show_job()

@@ -49,8 +49,8 @@ class Watch:
         See `ProgressCallback`; called at every look, and able to stop the watch.
     poll
         Seconds between looks.
-    settle
-        Seconds for which nothing may change in a folder with files whose end does not tell whether they are whole.
+    again, settle
+        Seconds for which nothing may change in a folder of whole files, and in one with files whose end does not tell.
     answered
         Told of each batch that was answered, by its report.
     raw
@@ -63,6 +63,7 @@ class Watch:
     say: Callable[[str], None] = lambda sentence: None
     progress: ProgressCallback | None = None
     poll: float = POLL
+    again: float = AGAIN
     settle: float = SETTLE
     answered: Callable[[dict[str, Any]], None] = lambda report: None
     raw: RawPictures | None = None
@@ -101,7 +102,7 @@ class Watch:
             if found is None:
                 place = f"in {self.captures}" if not why else f"({why})"
                 self._tell(f"Waiting for the pictures of batch {batch} of {total} {place}.")
-                time.sleep(min(self.poll, AGAIN) if soon else self.poll)
+                time.sleep(min(self.poll, self.again) if soon else self.poll)
                 continue
             answer = self._answer(found, batch)
             if answer is not None:
@@ -164,7 +165,7 @@ class Watch:
         if before != signature:
             self._seen[folder.name] = (signature, now)
         whole = _all_whole(folder, signature)
-        return before == signature and now - since >= min(self.settle, AGAIN if whole else self.settle), whole
+        return before == signature and now - since >= (min(self.again, self.settle) if whole else self.settle), whole
 
     def _answered_before(self, folder: Path) -> bool:
         """Whether an earlier run has answered these very pictures."""
