@@ -10,6 +10,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.aiming import aimed, drift_between, expected_drift
 from frametwin.printing.adaptation.material_fit import BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.process.coupon import struts_of_frame
 from frametwin.printing.process.creep import CreepModel, PrintState
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
@@ -103,8 +104,8 @@ class CreepForecast:
         if resize:
             sequence = self._all_resized(sequence, batch, start)
         batches = [sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)]
-        frame = np.arange(self.design.strut_count) < self.design.strut_count - self.coupon
-        return aimed(self.design, self.plan, start, self.fit, state, batches, frame)
+        own = struts_of_frame(self.design.strut_count, self.coupon)
+        return aimed(self.design, self.plan, start, self.fit, state, batches, own)
 
     def resized(self, sequence: PrintSequence, batch: int) -> PrintSequence:
         """The order with as many struts in a batch as suit the drift that is expected while it is laid."""

@@ -37,6 +37,7 @@ from frametwin.files import check_format, file_hash, read_json, write_json
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.guards import GuardLimits
+from frametwin.printing.process.coupon import struts_of_frame
 from frametwin.printing.toolpath.robot_files import RobotSettings
 from frametwin.ranges import at_least, check_settings, one_of
 
@@ -111,7 +112,7 @@ class JobSettings:
 
     def of_frame(self, design: Wireframe) -> np.ndarray:
         """(E,) bool: struts of the frame itself, without those of a coupon."""
-        return np.arange(design.strut_count) < design.strut_count - self.coupon
+        return struts_of_frame(design.strut_count, self.coupon)
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""

@@ -20,7 +20,7 @@ from frametwin.printing.job.creep_forecast import UNTRUSTED_SIZE, CreepForecast
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
-from frametwin.printing.process.coupon import with_coupon
+from frametwin.printing.process.coupon import with_coupon, without_coupon
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
@@ -209,7 +209,7 @@ def plan_job(
         given = (GivenOrder(source=frame.name) if given is None else given).after(design, coupon, UNTRUSTED_SIZE)
     sequence = plan_order(design, ordering, given, cut, progress)
     if known is not None:
-        require_standing(*without_coupon(design, sequence, settings), known, settings.compensate)
+        require_standing(*without_coupon(design, sequence, options.coupon), known, settings.compensate)
     report(progress, Progress("writing", 0, 1))
     return PrintJob.create(folder, design, sequence, settings, notes, overwrite, known)
 
@@ -242,15 +242,6 @@ def require_room(design: Wireframe, coupon: np.ndarray, workspace: Workspace) ->
         )
 
 
-def without_coupon(
-    design: Wireframe, sequence: PrintSequence, settings: JobSettings
-) -> tuple[Wireframe, PrintSequence]:
-    """The frame of a job alone, and the order of its struts."""
-    own = settings.of_frame(design)
-    frame, vertices = design.subset(own)
-    return frame, sequence.part(own, vertices)
-
-
 def require_standing(
     frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate, compensate: bool = False
 ) -> None:
@@ -278,7 +269,7 @@ def require_standing(
 def guessed_outlook(job: PrintJob, progress: ProgressCallback | None = None) -> Outlook:
     """Whether a print would stand in a material of which nothing is known yet: a warning at most."""
     report(progress, Progress("computing the print", 0, 1))
-    frame, sequence = without_coupon(job.design, job.sequence, job.settings)
+    frame, sequence = without_coupon(job.design, job.sequence, job.settings.coupon)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
     return outlook(CreepForecast.start(frame).fit, frame, batches)
 

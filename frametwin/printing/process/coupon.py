@@ -14,6 +14,7 @@ from frametwin.errors import InputError
 from frametwin.geometry.wireframe import Wireframe, straight_control_points
 from frametwin.mechanics.stiffness import Material
 from frametwin.printing.process.material import PrintSettings
+from frametwin.printing.records.sequence import PrintSequence
 
 LEAN = np.radians(60.0)
 """From the vertical: what leans further droops more, but the tool has to get below it."""
@@ -74,6 +75,18 @@ def with_coupon(frame: Wireframe, count: int, weight: float = 1.0, doubt: float 
         batch=np.concatenate([frame.batch - frame.batch.min() + 1, np.zeros(count, dtype=np.int64)]),
         name=frame.name,
     )
+
+
+def struts_of_frame(count: int, coupon: int) -> np.ndarray:
+    """(E,) bool: which of ``count`` struts are the frame's own, the last ``coupon`` ones being those of a coupon."""
+    return np.arange(count) < count - coupon
+
+
+def without_coupon(design: Wireframe, sequence: PrintSequence, coupon: int) -> tuple[Wireframe, PrintSequence]:
+    """The frame alone of a design whose last struts are a coupon, and the order of its struts."""
+    own = struts_of_frame(design.strut_count, coupon)
+    frame, vertices = design.subset(own)
+    return frame, sequence.part(own, vertices)
 
 
 def drooping_length(radius: float, weight: float, settings: PrintSettings | None = None) -> float:

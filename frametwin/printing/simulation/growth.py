@@ -15,6 +15,7 @@ from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.sag import moved_frame
 from frametwin.printing.process.calibration import own_weight, stiffness_between, weight_scale
+from frametwin.printing.process.coupon import struts_of_frame, without_coupon
 from frametwin.printing.process.material import PrintSettings, ProcessVariation
 from frametwin.printing.process.settling import bent_ends, settled
 from frametwin.printing.records.sequence import PrintSequence
@@ -71,8 +72,9 @@ class GrowingPrint:
         if variation is None:
             variation = ProcessVariation.draw(design.strut_count, self.settings, seed)
         self.variation = variation
-        self._judged = np.arange(design.strut_count) < design.strut_count - coupon
-        self.scale = self._weight_scale() if scale is None else scale
+        self._judged = struts_of_frame(design.strut_count, coupon)
+        alone = without_coupon(design, sequence, coupon)
+        self.scale = weight_scale(*alone, self.settings) if scale is None else scale
         self.settings = self.settings.of_print(seed)
         self.outcomes: list[BatchOutcome] = []
         self.clock = 0.0
@@ -159,11 +161,6 @@ class GrowingPrint:
     def report(self) -> PrintReport:
         """What the print came to so far."""
         return PrintReport.of(self.design, self.outcomes, self.standing(), self._judged)
-
-    def _weight_scale(self) -> float:
-        """The factor on the weight that suits the frame without its coupon."""
-        frame, vertices = self.design.subset(self._judged)
-        return weight_scale(frame, self.sequence.part(self._judged, vertices), self.settings)
 
     def _lay_strut(self, strut: int, start: int, end: int, curve: np.ndarray) -> None:
         bead = 2.0 * self.settings.bead * float(self.design.radius[strut])
