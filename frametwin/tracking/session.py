@@ -30,9 +30,6 @@ EVENTS_FILE = "events.jsonl"
 POLL = 0.02
 """Seconds between two looks for pictures."""
 
-LOOK_AT_JOB = 0.5
-"""Seconds between two looks whether a job has been answered."""
-
 
 @dataclass(frozen=True)
 class Summary:
@@ -104,13 +101,11 @@ class Session:
         self._passed_over, self._written, self._unwritten = 0, -np.inf, False
         self._log: EventLog | None = None
         self._tracker = self._tracking()
-        since = looked = time.monotonic()
+        since = time.monotonic()
         try:
             while not self.stream.ended:
                 report(self.progress, Progress("following", len(self._took), 0))
-                if time.monotonic() - looked > LOOK_AT_JOB:
-                    looked = time.monotonic()
-                    self._go_on()
+                self._go_on()
                 began = time.perf_counter()
                 moment = self.stream.next()
                 if moment is not None:
