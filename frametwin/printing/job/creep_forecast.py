@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.aiming import aimed, drift_between, expected_drift
+from frametwin.printing.adaptation.aiming import aimed, expected_drift
 from frametwin.printing.adaptation.material_fit import BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
+from frametwin.printing.adaptation.rest_of_print import PrintStep, resized_steps, steps_of
 from frametwin.printing.process.coupon import struts_of_frame
 from frametwin.printing.process.creep import CreepModel, PrintState
 from frametwin.printing.process.material import PrintSettings
@@ -101,41 +102,30 @@ class CreepForecast:
         """
         state = PrintState.before(self.plan, self.laid_at, self.clock)
         start = self.design.vertices if targets is None else targets
-        if resize:
-            sequence = self._all_resized(sequence, batch, start)
-        batches = [sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)]
+        steps = steps_of([sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)])
+        if resize and self.fit.trust >= LEAST_TRUST:
+            at = replace(state, points=np.where(state.there[:, None], state.points, start))
+            steps = resized_steps(self.fit, at, steps, self._size_in)
         own = struts_of_frame(self.design.strut_count, self.coupon)
-        return aimed(self.design, self.plan, start, self.fit, state, batches, own)
+        return aimed(self.design, self.plan, start, self.fit, state, steps, own)
 
     def resized(self, sequence: PrintSequence, batch: int) -> PrintSequence:
         """The order with as many struts in a batch as suit the drift that is expected while it is laid."""
         laying = sequence.in_batch(batch)
         rate = self.drift(laying)
-        size = min(len(laying), UNTRUSTED_SIZE) if rate is None else self._suitable_size(laying.struts, rate)
+        untrusted = min(len(laying), UNTRUSTED_SIZE)
+        size = untrusted if rate is None else self._suitable_size(laying.struts, rate, len(laying))
         return resized(sequence, batch, size)
 
-    def _all_resized(self, sequence: PrintSequence, batch: int, targets: np.ndarray) -> PrintSequence:
-        """The order with all batches from one on as large as they are expected to be made when their turn comes."""
-        if self.fit.trust < LEAST_TRUST:
-            return sequence
-        model, parameters = self.fit.model, self.fit.parameters
-        state = PrintState.before(self.plan, self.laid_at, self.clock)
-        state = replace(state, points=np.where(state.there[:, None], state.points, targets))
-        while batch < sequence.batch_count:
-            struts = sequence.in_batch(batch).struts
-            then = model.after(state, struts, parameters)
-            size = self._suitable_size(struts, drift_between(state, then, self.design.edges[struts]))
-            if size != len(struts):
-                sequence = resized(sequence, batch, size)
-                then = model.after(state, sequence.in_batch(batch).struts, parameters)
-            state, batch = then, batch + 1
-        return sequence
+    def _size_in(self, step: PrintStep, rate: np.ndarray) -> int:
+        """How many struts a batch of a step should have, where joints drift like ``rate`` (V, 3)."""
+        return self._suitable_size(step.struts, rate, max(1, round(len(step.struts) / step.batches)))
 
-    def _suitable_size(self, struts: np.ndarray, rate: np.ndarray) -> int:
-        """How many struts a batch should have instead of these, where joints drift like ``rate`` (V, 3)."""
+    def _suitable_size(self, struts: np.ndarray, rate: np.ndarray, size: int) -> int:
+        """How many struts a batch should have instead of ``size`` of these, where joints drift like ``rate`` (V, 3)."""
         fastest = float(np.linalg.norm(rate[self.design.edges[struts]], axis=2).max())
         bead = 2.0 * self.fit.model.settings.bead * float(self.design.radius[struts].min())
-        return suitable_size(len(struts), fastest / bead)
+        return suitable_size(size, fastest / bead)
 
     def drift(self, laying: PrintSequence) -> np.ndarray | None:
         """(V, 3) array, mm: expected drift with each strut of the batch; ``None`` where that cannot be told."""

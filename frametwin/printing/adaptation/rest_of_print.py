@@ -1,0 +1,112 @@
+"""The rest of a print in as few steps as tell how it moves: next batches one by one, those further on put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from frametwin.printing.adaptation.material_fit import MaterialFit
+from frametwin.printing.process.creep import PrintState
+
+MOST_STEPS = 24
+"""Into which the rest of a print is divided."""
+
+NEAR_STEPS = 6
+"""Batches that are computed one by one all the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class PrintStep:
+    """What is laid in one step of a forecast.
+
+    Attributes
+    ----------
+    struts : (N,) int64 array
+        In their order.
+    batches
+        How many these are: so many pauses it has.
+    """
+
+    struts: np.ndarray
+    batches: int
+
+
+def steps_of(batches: Sequence[np.ndarray]) -> list[PrintStep]:
+    """The batches, those further on put together."""
+    near, far = np.arange(min(NEAR_STEPS, len(batches))), np.arange(NEAR_STEPS, len(batches))
+    groups = np.array_split(far, min(len(far), MOST_STEPS - NEAR_STEPS)) if len(far) else []
+    return [PrintStep(np.concatenate([batches[i] for i in group]), len(group)) for group in (*near[:, None], *groups)]
+
+
+def resized_steps(
+    fit: MaterialFit,
+    state: PrintState,
+    steps: Sequence[PrintStep],
+    size_in: Callable[[PrintStep, np.ndarray], int],
+) -> list[PrintStep]:
+    """The steps with as many batches in each as there will be once their sizes suit how the print moves.
+
+    Each batch ends with a pause, and a print that takes longer sags further.
+
+    Parameters
+    ----------
+    fit, state
+        What is known of the material, and the print before the first step.
+    steps
+        See `steps_of`.
+    size_in
+        How many struts a batch of a step shall have, where joints drift (V, 3) mm with each strut that is laid.
+    """
+    edges, result, waiting = fit.model.design.edges, [], list(steps)
+    while waiting:
+        step = waiting.pop(0)
+        then = _after(fit, state, step)
+        size = size_in(step, drift_between(state, then, edges[step.struts]))
+        resized = PrintStep(step.struts, -(-len(step.struts) // size))
+        if step.batches == 1 and resized.batches > 1:  # what is too much for it makes the next one
+            resized = PrintStep(step.struts[:size], 1)
+            waiting.insert(0, PrintStep(step.struts[size:], 1))
+        same = resized.batches == step.batches and len(resized.struts) == len(step.struts)
+        state = then if same else _after(fit, state, resized)
+        result.append(resized)
+    return result
+
+
+def remaining_movement(
+    fit: MaterialFit, state: PrintState, steps: Sequence[PrintStep]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forecast how a print moves until it is finished.
+
+    Returns
+    -------
+    joints, bows
+        (V, 3) array, mm, each from when it is there; and (E, 2, 3) array, mm, of the struts' inner control points
+        beyond what their ends do.
+    """
+    began, bows = state.points, np.zeros((len(state.laid), 2, 3))
+    for step in steps:
+        state = _after(fit, state, step, bows)
+    return state.points - began, bows
+
+
+def drift_between(before: PrintState, after: PrintState, ends: np.ndarray) -> np.ndarray:
+    """(V, 3) array, mm: drift with each of the struts that are laid between two moments, from when a joint is there.
+
+    Parameters
+    ----------
+    before, after
+        The print.
+    ends : (N, 2) int64 array
+        Joints of the struts, in their order.
+    """
+    first = np.full(len(before.there), np.inf)
+    np.minimum.at(first, ends.ravel(), np.repeat(np.arange(len(ends)) + 0.5, 2))
+    since = np.where(before.there, 0.0, first)
+    rest = np.maximum(len(ends) - since, 0.5)
+    return np.where(after.there[:, None], (after.points - before.points) / rest[:, None], 0.0)
+
+
+def _after(fit: MaterialFit, state: PrintState, step: PrintStep, bows: np.ndarray | None = None) -> PrintState:
+    return fit.model.after(state, step.struts, fit.parameters, pauses=step.batches, bows=bows)
