@@ -16,6 +16,10 @@ Geometry is in float64, pictures are float32. All views lie in one flat buffer: 
 point at the normalised distance rho from the axis is seen at rho (1 + k1 rho^2). Everything is deterministic:
 threads share views when they write pictures and struts when they gather.
 
+Helpers take whole arrays and indices: numba counts references by atomic instructions, to a part of an array whenever
+one is made, and to all arrays that a helper is given. That took a third of the time, so helpers are part of their
+caller (``inline``) or do without such counts (`HELPER`), as they make no array.
+
 Helpers and constants are in this file too, and nowhere else: numba keeps machine code until the file of the function
 that is called changes, and would not notice an edit elsewhere (``tests/test_compiled_code.py`` sees to it).
 """
@@ -23,6 +27,7 @@ that is called changes, and would not notice an edit elsewhere (``tests/test_com
 from __future__ import annotations
 
 from math import ceil, erf, exp, floor, pi, sqrt
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -48,10 +53,19 @@ CHUNK = 256
 LANES = 16
 """Of them, numbers that fill vector registers. It divides `CHUNK`."""
 
+ALONG, TRANSMITTANCE, RESIDUAL, ROOM = np.uint64(288), np.uint64(576), np.uint64(864), 1152
+"""Where in the room for collected pixels what they have begins, and its size: `CHUNK` and two registers each."""
+
+BLOCK = np.uint64(8)
+"""Pixels of a row that are worked on or copied together, more than most rows of a piece have."""
+
 NOWHERE = 1e6
 """Pixels off a centreline where nothing of a rod is seen."""
 
+HELPER: Any = {"cache": True, "fastmath": True, "error_model": "numpy", "_nrt": False}
+
 F = np.float32
+U = np.uint64  # an index without a sign is not looked at for counting from the end
 
 _HEIGHT = 1.0 / sqrt(2.0 * pi)
 _RANGE = 6.0
@@ -80,51 +94,66 @@ def _coverage(d, r, s):
     return _normal((r - d) / s)[0] - _normal((-r - d) / s)[0]
 
 
-@nb.njit(cache=True, fastmath=True)
-def _project(points, camera, out):
-    """Pixel x, y and depth of (P+1, 3) points into ``out``; False if one is behind the camera."""
+@nb.njit(inline="always")
+def _tail32(a):
+    """One minus the distribution function for a >= 0, so that a loop runs in vector registers (Abramowitz and Stegun
+    7.1.28, error 1.5e-7; float32 throughout)."""
+    x = min(a, F(_RANGE)) * F(sqrt(0.5))
+    q = F(0.0001520143) + x * (F(0.0002765672) + x * F(0.0000430638))
+    q = F(1.0) + x * (F(0.0705230784) + x * (F(0.0422820123) + x * (F(0.0092705272) + x * q)))
+    q *= q
+    q *= q
+    q *= q
+    q *= q
+    return F(0.5) / q
+
+
+@nb.njit(**HELPER)
+def _project(points, k, cameras, v, line):
+    """Pixel x, y and depth of the points (E, P+1, 3) of strut k into ``line``; False if one is behind the camera."""
     seen = True
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        cx = camera[0] * x + camera[1] * y + camera[2] * z + camera[9]
-        cy = camera[3] * x + camera[4] * y + camera[5] * z + camera[10]
-        cz = camera[6] * x + camera[7] * y + camera[8] * z + camera[11]
+    for i in range(points.shape[1]):
+        x, y, z = points[k, i, 0], points[k, i, 1], points[k, i, 2]
+        cx = cameras[v, 0] * x + cameras[v, 1] * y + cameras[v, 2] * z + cameras[v, 9]
+        cy = cameras[v, 3] * x + cameras[v, 4] * y + cameras[v, 5] * z + cameras[v, 10]
+        cz = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
         if cz < 1e-6:
             seen = False
             cz = 1e-6
-        lens = 1.0 + camera[16] * (cx * cx + cy * cy) / (cz * cz)
-        out[i, 0] = camera[12] * cx / cz * lens + camera[14]
-        out[i, 1] = camera[13] * cy / cz * lens + camera[15]
-        out[i, 2] = cz
+        lens = 1.0 + cameras[v, 16] * (cx * cx + cy * cy) / (cz * cz)
+        line[i, 0] = cameras[v, 12] * cx / cz * lens + cameras[v, 14]
+        line[i, 1] = cameras[v, 13] * cy / cz * lens + cameras[v, 15]
+        line[i, 2] = cz
     return seen
 
 
 @nb.njit(inline="always")
-def _half_width(p, q, camera):
-    """Apparent half width in pixels, per mm of radius, of the round rod about p..q (rows x, y, depth).
+def _half_width(line, p, cameras, v):
+    """Apparent half width in pixels, per mm of radius, of the round rod about piece p (rows x, y, depth).
 
     A pixel's ray v meets an infinite cylinder when |v.N| <= r |v x t| / |x x t|, with N the unit normal of the
     plane through the camera and the axis; at the piece itself |v x t| / |x x t| is one over the depth.
     """
-    x0 = (p[0] - camera[14]) / camera[12] * p[2]
-    y0 = (p[1] - camera[15]) / camera[13] * p[2]
-    x1 = (q[0] - camera[14]) / camera[12] * q[2]
-    y1 = (q[1] - camera[15]) / camera[13] * q[2]
-    tx, ty, tz = x1 - x0, y1 - y0, q[2] - p[2]
-    nx = y0 * tz - p[2] * ty
-    ny = p[2] * tx - x0 * tz
+    z0, z1 = line[p, 2], line[p + 1, 2]
+    x0, y0 = (line[p, 0] - cameras[v, 14]) / cameras[v, 12] * z0, (line[p, 1] - cameras[v, 15]) / cameras[v, 13] * z0
+    x1 = (line[p + 1, 0] - cameras[v, 14]) / cameras[v, 12] * z1
+    y1 = (line[p + 1, 1] - cameras[v, 15]) / cameras[v, 13] * z1
+    tx, ty, tz = x1 - x0, y1 - y0, z1 - z0
+    nx = y0 * tz - z0 * ty
+    ny = z0 * tx - x0 * tz
     nz = x0 * ty - y0 * tx
-    slope = sqrt((nx / camera[12]) ** 2 + (ny / camera[13]) ** 2)
-    return 2.0 / (p[2] + q[2]) * sqrt(nx * nx + ny * ny + nz * nz) / max(slope, 1e-12)
+    slope = sqrt((nx / cameras[v, 12]) ** 2 + (ny / cameras[v, 13]) ** 2)
+    return 2.0 / (z0 + z1) * sqrt(nx * nx + ny * ny + nz * nz) / max(slope, 1e-12)
 
 
-@nb.njit(cache=True, fastmath=True)
-def _half_width_slope(p, q, camera, scale, slope_p, slope_q):
-    """Adds scale times the derivative of `_half_width` by the 3D points of p and q, in world axes."""
-    x0, y0, z0 = (p[0] - camera[14]) / camera[12] * p[2], (p[1] - camera[15]) / camera[13] * p[2], p[2]
-    x1, y1, z1 = (q[0] - camera[14]) / camera[12] * q[2], (q[1] - camera[15]) / camera[13] * q[2], q[2]
+@nb.njit(**HELPER)
+def _half_width_slope(line, p, cameras, v, scale, slope):
+    """Adds scale times the derivative of `_half_width` by the 3D points p and p + 1, in world axes, to slope."""
+    fx, fy, z0, z1 = cameras[v, 12], cameras[v, 13], line[p, 2], line[p + 1, 2]
+    x0, y0 = (line[p, 0] - cameras[v, 14]) / fx * z0, (line[p, 1] - cameras[v, 15]) / fy * z0
+    x1, y1 = (line[p + 1, 0] - cameras[v, 14]) / fx * z1, (line[p + 1, 1] - cameras[v, 15]) / fy * z1
     nx, ny, nz = y0 * z1 - z0 * y1, z0 * x1 - x0 * z1, x0 * y1 - y0 * x1
-    fx2, fy2 = camera[12] ** 2, camera[13] ** 2
+    fx2, fy2 = fx**2, fy**2
     flat = sqrt(nx * nx / fx2 + ny * ny / fy2)
     full = sqrt(nx * nx + ny * ny + nz * nz)
     if flat < 1e-12:
@@ -136,17 +165,21 @@ def _half_width_slope(p, q, camera, scale, slope_p, slope_q):
     px, py, pz = y1 * gz - z1 * gy, z1 * gx - x1 * gz, x1 * gy - y1 * gx + by_depth
     qx, qy, qz = gy * z0 - gz * y0, gz * x0 - gx * z0, gx * y0 - gy * x0 + by_depth
     for e in range(3):
-        slope_p[e] += scale * (px * camera[e] + py * camera[3 + e] + pz * camera[6 + e])
-        slope_q[e] += scale * (qx * camera[e] + qy * camera[3 + e] + qz * camera[6 + e])
+        slope[p, e] += scale * (px * cameras[v, e] + py * cameras[v, 3 + e] + pz * cameras[v, 6 + e])
+        slope[p + 1, e] += scale * (qx * cameras[v, e] + qy * cameras[v, 3 + e] + qz * cameras[v, 6 + e])
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(**HELPER)
 def _cuts(line, cuts):
-    """Directions (P+1, 2) that divide the picture plane between neighbouring pieces: the bisectors of their turns.
+    """Lines (P+1, 5) that divide the picture plane between neighbouring pieces: the bisectors of their turns.
 
     Two pieces decide by the same line which of them a pixel belongs to, so that none is counted twice or never. On
     the outer side of a turn a piece goes on to the line, but no further than its half width: where the polyline turns
     back on itself, as that of a curved strut seen end on, it would run on across the picture.
+
+    Of each line: the direction across it, its column in row 0, how much that grows a row, and which side is ahead: 1
+    to the right, -1 to the left, and for a line along the rows, which has a row in place of the column, 2 below and -2
+    above.
     """
     last = line.shape[0] - 1
     before_x, before_y = 0.0, 0.0
@@ -157,132 +190,158 @@ def _cuts(line, cuts):
             length = sqrt(after_x * after_x + after_y * after_y)
             if length > 1e-9:
                 after_x, after_y = after_x / length, after_y / length
-        cuts[p, 0], cuts[p, 1] = before_x + after_x, before_y + after_y
+        x, y = before_x + after_x, before_y + after_y
+        cuts[p, 0], cuts[p, 1] = x, y
+        if abs(x) < 1e-9:
+            cuts[p, 2], cuts[p, 3], cuts[p, 4] = line[p, 1] - 0.5, 0.0, 2.0 if y > 0.0 else -2.0
+        else:
+            slope = -y / x
+            cuts[p, 2], cuts[p, 3] = line[p, 0] - 0.5 - slope * (line[p, 1] - 0.5), slope
+            cuts[p, 4] = 1.0 if x > 0.0 else -1.0
         before_x, before_y = after_x, after_y
 
 
-@nb.njit(cache=True)
-def _cut_line(point, cut):
-    """Of the dividing line through the point: its column in row 0, how much that grows a row, and which side is
-    ahead: 1 to the right, -1 to the left, and for a line along the rows 2 below, -2 above."""
-    if abs(cut[0]) < 1e-9:
-        return point[1] - 0.5, 0.0, 2 if cut[1] > 0.0 else -2
-    slope = -cut[1] / cut[0]
-    return point[0] - 0.5 - slope * (point[1] - 0.5), slope, 1 if cut[0] > 0.0 else -1
+@nb.njit(inline="always")
+def _beyond(cuts, p, tx, ty, half, reach):
+    """How far a piece goes on beyond its end, on the outer side of the turn."""
+    x, y = cuts[p, 0], cuts[p, 1]
+    return min(half, reach * abs(tx * y - ty * x) / max(tx * x + ty * y, 1e-9))
 
 
 @nb.njit(inline="always")
-def _first_column(x):
+def _first(x):
     return int(ceil(min(max(x, -1e9), 1e9)))
 
 
-@nb.njit(cache=True)
-def _edges(p, q, cut_p, cut_q, tx, ty, length, half, reach, edges):
-    """Everything that bounds the pixels of the piece p..q, for `_columns`, into edges (12,)."""
-    if abs(ty) > 1e-9:  # |-ty x + tx y| <= reach, x and y from p
-        edges[0] = tx / ty
-        edges[1] = p[0] - 0.5 - edges[0] * (p[1] - 0.5)
-        edges[2] = reach / abs(ty)
-    else:
-        edges[0], edges[1], edges[2] = 0.0, p[0], 1e9
-    edges[3], edges[4], edges[5] = _cut_line(p, cut_p)
-    edges[6], edges[7], edges[8] = _cut_line(q, cut_q)
+@nb.njit(**HELPER)
+def _spans(line, cuts, p, tx, ty, length, half, reach, core, height, width, spans):
+    """The pixels of piece p that are within reach of its centreline: their first row, and in how many rows they are.
+
+    Of each of these rows spans gets the first and the last column, the first one that is within ``core`` of the
+    centreline and the first one after: eight rows at a time, eight numbers of each kind. In the registers of a
+    processor eight rows take no longer than one.
+    """
+    q = p + 1
+    more_p, more_q = abs(ty) * _beyond(cuts, p, tx, ty, half, reach), abs(ty) * _beyond(cuts, q, tx, ty, half, reach)
+    low = min(line[p, 1] - more_p, line[q, 1] - more_q) - reach * abs(tx)
+    high = max(line[p, 1] + more_p, line[q, 1] + more_q) + reach * abs(tx)
+    top, bottom = max(0, int(floor(max(low, -1e9) - 0.5))), min(height - 1, int(ceil(min(high, 1e9) - 0.5)))
+    across, lean, wide = line[p, 0], 0.0, 1e9
+    slanted = abs(ty) > 1e-9
+    if slanted:  # |-ty x + tx y| <= reach, x and y from p
+        lean = tx / ty
+        across, wide = line[p, 0] - 0.5 - lean * (line[p, 1] - 0.5), reach / abs(ty)
+    along, tilt, far = line[p, 0], 0.0, 1e9
     if abs(tx) > 1e-9:  # |tx x + ty y| <= length / 2 + half, x and y from the middle
-        edges[9] = -ty / tx
-        edges[10] = 0.5 * (p[0] + q[0]) - 0.5 - edges[9] * (0.5 * (p[1] + q[1]) - 0.5)
-        edges[11] = (0.5 * length + half) / abs(tx)
+        tilt, far = -ty / tx, (0.5 * length + half) / abs(tx)
+        along = 0.5 * (line[p, 0] + line[q, 0]) - 0.5 - tilt * (0.5 * (line[p, 1] + line[q, 1]) - 0.5)
+    low_p, low_p_lean, high_p, high_p_lean = 0.0, 0.0, 1e9, 0.0
+    if cuts[p, 4] == 1.0:
+        low_p, low_p_lean = cuts[p, 2], cuts[p, 3]
+    elif cuts[p, 4] == -1.0:
+        high_p, high_p_lean = cuts[p, 2], cuts[p, 3]
+    elif cuts[p, 4] > 0.0:
+        top = max(top, _first(cuts[p, 2]))
     else:
-        edges[9], edges[10], edges[11] = 0.0, p[0], 1e9
+        bottom = min(bottom, _first(cuts[p, 2]) - 1)
+    low_q, low_q_lean, high_q, high_q_lean = 0.0, 0.0, 1e9, 0.0
+    if cuts[q, 4] == 1.0:
+        high_q, high_q_lean = cuts[q, 2], cuts[q, 3]
+    elif cuts[q, 4] == -1.0:
+        low_q, low_q_lean = cuts[q, 2], cuts[q, 3]
+    elif cuts[q, 4] > 0.0:
+        bottom = min(bottom, _first(cuts[q, 2]) - 1)
+    else:
+        top = max(top, _first(cuts[q, 2]))
+    count, last, begin_y = max(bottom - top + 1, 0), width - 1.0, line[p, 1] - 0.5
+    inner = -1e9  # nothing is that near
+    if core > 0.0 and slanted:
+        inner = core / abs(ty)
+    level = -1e9 if core <= 0.0 or slanted else core
+    for begin in range(0, count, 8):
+        at, first = U(4 * begin), float(top + begin)
+        for n in range(BLOCK):
+            row = first + float(n)
+            middle, centre = across + lean * row, along + tilt * row
+            left = max(max(middle - wide, centre - far), max(low_p + low_p_lean * row, low_q + low_q_lean * row))
+            right = min(middle + wide, centre + far)
+            end = min(high_p + high_p_lean * row, high_q + high_q_lean * row)
+            left = np.ceil(min(max(left, 0.0), 1e9))
+            right = min(np.floor(min(max(right, -1.0), last)), np.ceil(min(max(end, 0.0), 1e9)) - 1.0)
+            within = inner if abs(tx * (row - begin_y)) >= level else 1e9
+            after = max(right + 1.0, left)
+            flat = min(max(np.ceil(middle - within), left), after)
+            spans[at + n] = np.int32(left)
+            spans[at + BLOCK + n] = np.int32(right)
+            spans[at + BLOCK + BLOCK + n] = np.int32(flat)
+            spans[at + BLOCK + BLOCK + BLOCK + n] = np.int32(min(max(np.ceil(middle + within), flat), after))
+    return top, count
 
 
 @nb.njit(inline="always")
-def _columns(row, edges, width):
-    """First and last column of the row that belong to the piece and are within reach of its centreline."""
-    across, along = edges[1] + edges[0] * row, edges[10] + edges[9] * row
-    left = max(0, _first_column(max(across - edges[2], along - edges[11])))
-    right = min(width - 1, int(floor(min(max(min(across + edges[2], along + edges[11]), -1e9), 1e9))))
-    if abs(edges[5]) == 1.0:
-        column = _first_column(edges[3] + edges[4] * row)
-        if edges[5] > 0.0:
-            left = max(left, column)
-        else:
-            right = min(right, column - 1)
-    elif (row >= edges[3]) != (edges[5] > 0.0):
-        return 0, -1
-    if abs(edges[8]) == 1.0:
-        column = _first_column(edges[6] + edges[7] * row)
-        if edges[8] > 0.0:
-            right = min(right, column - 1)
-        else:
-            left = max(left, column)
-    elif (row >= edges[6]) == (edges[8] > 0.0):
-        return 0, -1
-    return left, right
-
-
-@nb.njit(inline="always")
-def _flat_columns(row, left, right, edges, core, tx, ty, ay):
-    """First column of left..right within ``core`` of the centreline and the first one after; both behind where none."""
-    if core <= 0.0 or right < left:
-        return right + 1, right + 1
-    if abs(ty) > 1e-9:
-        middle, half = edges[1] + edges[0] * row, core / abs(ty)
-        first = min(max(_first_column(middle - half), left), right + 1)
-        return first, min(max(_first_column(middle + half), first), right + 1)
-    return (left, right + 1) if abs(tx * (row + 0.5 - ay)) < core else (right + 1, right + 1)
-
-
-@nb.njit(inline="always")
-def _beyond(cut, tx, ty, half, reach):
-    """How far a piece goes on beyond its end, on the outer side of the turn."""
-    return min(half, reach * abs(tx * cut[1] - ty * cut[0]) / max(tx * cut[0] + ty * cut[1], 1e-9))
-
-
-@nb.njit(inline="always")
-def _rows(p, q, cut_p, cut_q, tx, ty, half, reach, height):
-    """First and last row of the piece p..q."""
-    p_more, q_more = abs(ty) * _beyond(cut_p, tx, ty, half, reach), abs(ty) * _beyond(cut_q, tx, ty, half, reach)
-    low = min(p[1] - p_more, q[1] - q_more) - reach * abs(tx)
-    high = max(p[1] + p_more, q[1] + q_more) + reach * abs(tx)
-    return max(0, int(floor(max(low, -1e9) - 0.5))), min(height - 1, int(ceil(min(high, 1e9) - 0.5)))
-
-
-@nb.njit(cache=True, fastmath=True)
-def _joint(point, camera):
-    """Pixel x, y, depth of one point."""
-    x, y, z = point[0], point[1], point[2]
-    cx = camera[0] * x + camera[1] * y + camera[2] * z + camera[9]
-    cy = camera[3] * x + camera[4] * y + camera[5] * z + camera[10]
-    cz = camera[6] * x + camera[7] * y + camera[8] * z + camera[11]
+def _joint(joints, k, cameras, v):
+    """Pixel x, y, depth of joint k."""
+    x, y, z = joints[k, 0], joints[k, 1], joints[k, 2]
+    cx = cameras[v, 0] * x + cameras[v, 1] * y + cameras[v, 2] * z + cameras[v, 9]
+    cy = cameras[v, 3] * x + cameras[v, 4] * y + cameras[v, 5] * z + cameras[v, 10]
+    cz = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
     if cz < 1e-6:
         return 0.0, 0.0, -1.0
-    lens = 1.0 + camera[16] * (cx * cx + cy * cy) / (cz * cz)
-    return camera[12] * cx / cz * lens + camera[14], camera[13] * cy / cz * lens + camera[15], cz
+    lens = 1.0 + cameras[v, 16] * (cx * cx + cy * cy) / (cz * cz)
+    return cameras[v, 12] * cx / cz * lens + cameras[v, 14], cameras[v, 13] * cy / cz * lens + cameras[v, 15], cz
 
 
-@nb.njit(cache=True, fastmath=True)
-def _darken_piece(p, q, cut_p, cut_q, camera, radius, alpha, height, width, start, spread, edges, transmittance):
-    ax, ay = p[0], p[1]
-    dx, dy = q[0] - ax, q[1] - ay
+@nb.njit(inline="always")
+def _darken_block(transmittance, at, have, before, beyond, step, alpha, thin):
+    """Darken the first ``have`` of `BLOCK` pixels, at the distances ``before`` + i step from the rod's one edge and
+    ``beyond`` - i step from its other one, in spreads and inwards. Whether a rod is thin enough that both count is
+    the same for a whole piece."""
+    one = F(1.0)
+    if thin:
+        for i in range(BLOCK):
+            a, b = before + step * F(i), beyond - step * F(i)
+            inside = min(min(a, b), F(REACH))
+            tail = _tail32(abs(inside))
+            c = (one - tail if inside > F(0.0) else tail) - (_tail32(max(a, b)) if inside < F(REACH) else F(0.0))
+            c = min(alpha * c, F(OPAQUE)) if F(i) < have else F(0.0)
+            transmittance[at + i] = max(transmittance[at + i] * (one - c), F(DARK))
+    else:
+        for i in range(BLOCK):
+            inside = min(min(before + step * F(i), beyond - step * F(i)), F(REACH))
+            tail = _tail32(abs(inside))
+            c = one - tail if inside > F(0.0) else tail
+            c = min(alpha * c, F(OPAQUE)) if F(i) < have else F(0.0)
+            transmittance[at + i] = max(transmittance[at + i] * (one - c), F(DARK))
+
+
+@nb.njit(inline="always")
+def _darken_piece(line, cuts, p, cameras, v, radius, alpha, height, width, start, spread, spans, transmittance):
+    dx, dy = line[p + 1, 0] - line[p, 0], line[p + 1, 1] - line[p, 1]
     length = sqrt(dx * dx + dy * dy)
     if length < 1e-9:
         return
     tx, ty = dx / length, dy / length
-    r = _half_width(p, q, camera) * radius
+    r = _half_width(line, p, cameras, v) * radius
     reach = r + REACH * spread
-    _edges(p, q, cut_p, cut_q, tx, ty, length, r, reach, edges)
-    top, bottom = _rows(p, q, cut_p, cut_q, tx, ty, r, reach, height)
-    for j in range(top, bottom + 1):
-        y = j + 0.5 - ay
-        left, right = _columns(j, edges, width)
-        at = start + j * width
-        for i in range(left, right + 1):
-            d = abs(-ty * (i + 0.5 - ax) + tx * y)
-            c = min(alpha * _coverage(d, r, spread), OPAQUE)
-            transmittance[at + i] = max(transmittance[at + i] * (1.0 - c), DARK)
+    top, count = _spans(line, cuts, p, tx, ty, length, r, reach, -1.0, height, width, spans)
+    inverse, end, thin = 1.0 / spread, start + height * width, r < FAR * spread
+    step = F(ty * inverse)
+    for n in range(count):
+        span, j = 4 * n - 3 * (n & 7), top + n
+        left, after, at = spans[span], spans[span + 8] + 1, start + j * width
+        while left < after:
+            u = tx * (j + 0.5 - line[p, 1]) - ty * (left + 0.5 - line[p, 0])
+            if at + left + 8 <= end:
+                before, beyond, have = F((r - u) * inverse), F((r + u) * inverse), F(after - left)
+                _darken_block(transmittance, U(at + left), have, before, beyond, step, F(alpha), thin)
+                left += 8
+            else:  # the last pixels of a picture, behind which there is another one's
+                c = min(alpha * _coverage(abs(u), r, spread), OPAQUE)
+                transmittance[at + left] = max(transmittance[at + left] * (1.0 - c), DARK)
+                left += 1
 
 
-@nb.njit(parallel=True, cache=True, fastmath=True)
+@nb.njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
 def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offsets, spreads, transmittance):
     """Transmittance of all views.
 
@@ -290,39 +349,40 @@ def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offse
     (N, 17), shapes (N, 2) height and width, offsets (N,), spreads (N,) in pixels, transmittance (pixels,) float32, out.
     """
     for v in nb.prange(cameras.shape[0]):
-        camera, spread = cameras[v], spreads[v]
+        spread = spreads[v]
         height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
-        for i in range(start, start + height * width):
-            transmittance[i] = 1.0
-        line, cuts, edges = np.empty((points.shape[1], 3)), np.empty((points.shape[1], 2)), np.empty(12)
+        for i in range(U(start), U(start + height * width)):
+            transmittance[i] = F(1.0)
+        line, cuts = np.empty((points.shape[1], 3)), np.empty((points.shape[1], 5))
+        spans = np.empty(4 * height + 32, dtype=np.int32)
         for k in range(points.shape[0]):
-            if not _project(points[k], camera, line):
+            if not _project(points, k, cameras, v, line):
                 continue
             _cuts(line, cuts)
             for p in range(points.shape[1] - 1):
                 if opacity[k, p] > 0.0:
                     _darken_piece(
-                        line[p],
-                        line[p + 1],
-                        cuts[p],
-                        cuts[p + 1],
-                        camera,
+                        line,
+                        cuts,
+                        p,
+                        cameras,
+                        v,
                         radius[k, p],
                         opacity[k, p],
                         height,
                         width,
                         start,
                         spread,
-                        edges,
+                        spans,
                         transmittance,
                     )
         for k in range(joints.shape[0]):
             if joint_radius[k] <= 0.0:
                 continue
-            x, y, z = _joint(joints[k], camera)
+            x, y, z = _joint(joints, k, cameras, v)
             if z < 0.0:
                 continue
-            r = 0.5 * (camera[12] + camera[13]) * joint_radius[k] / z
+            r = 0.5 * (cameras[v, 12] + cameras[v, 13]) * joint_radius[k] / z
             reach = r + REACH * spread
             for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
                 at = start + j * width
@@ -333,7 +393,7 @@ def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offse
                         transmittance[at + i] = max(transmittance[at + i] * (1.0 - c), DARK)
 
 
-@nb.njit(parallel=True, cache=True, fastmath=True)
+@nb.njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
 def compare(transmittance, target, shapes, offsets, residual, losses):
     """What the pictures of the rods, 1 - T, have more than the target (pixels,): into residual (pixels,), and half
     its square, summed over each view, into losses (N,)."""
@@ -342,24 +402,22 @@ def compare(transmittance, target, shapes, offsets, residual, losses):
         for j in range(shapes[v, 0]):
             at = offsets[v] + j * shapes[v, 1]
             row = F(0.0)
-            for i in range(shapes[v, 1]):
-                more = F(1.0) - transmittance[at + i] - target[at + i]
-                residual[at + i] = more
+            for i in range(U(at), U(at + shapes[v, 1])):
+                more = F(1.0) - transmittance[i] - target[i]
+                residual[i] = more
                 row += more * more
             total += float(row)
         losses[v] = 0.5 * total
 
 
 @nb.njit(inline="always")
-def _pull(point, nx, ny, camera, m):
-    """Change of the pixel coordinate along (nx, ny) for a motion of the 3D point (row x, y, depth), into m (3,)."""
-    x = (point[0] - camera[14]) / camera[12]
-    y = (point[1] - camera[15]) / camera[13]
-    a = nx * camera[12] / point[2]
-    b = ny * camera[13] / point[2]
-    c = -(a * x + b * y)
+def _pull(x, y, z, nx, ny, cameras, v, m):
+    """Change of the pixel coordinate along (nx, ny) for a motion of the 3D point seen at x, y, its depth z, into m."""
+    a = nx * cameras[v, 12] / z
+    b = ny * cameras[v, 13] / z
+    c = -(a * (x - cameras[v, 14]) / cameras[v, 12] + b * (y - cameras[v, 15]) / cameras[v, 13])
     for e in range(3):
-        m[e] = a * camera[e] + b * camera[3 + e] + c * camera[6 + e]
+        m[e] = a * cameras[v, e] + b * cameras[v, 3 + e] + c * cameras[v, 6 + e]
 
 
 @nb.njit(inline="always")
@@ -385,43 +443,71 @@ def _normal32(z):
     return (F(1.0) - tail if z > F(0.0) else tail), density
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(inline="always")
 def _padded(count, seen):
     """A number of pixels that fills vector registers, with as many behind the first ``count`` as are missing: black and
     far off, where nothing is covered. What is left over of a loop in registers takes as long as all the rest."""
     whole = (count + LANES - 1) // LANES * LANES
-    for i in range(count, whole):
-        seen[0, i], seen[1, i], seen[2, i], seen[3, i] = F(NOWHERE), F(0.0), F(1.0), F(0.0)
-    return whole
+    for i in range(count, count + LANES):
+        seen[U(i)], seen[ALONG + U(i)] = F(NOWHERE), F(0.0)
+        seen[TRANSMITTANCE + U(i)], seen[RESIDUAL + U(i)] = F(1.0), F(0.0)
+    return U(whole)
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
+@nb.njit(inline="always")
+def _copy_block(source, at, target, to):
+    """Copy `BLOCK` numbers; all are read before any is written, so that one register can take them."""
+    a, b, c, d = source[at], source[at + U(1)], source[at + U(2)], source[at + U(3)]
+    e, f, g, h = source[at + U(4)], source[at + U(5)], source[at + U(6)], source[at + U(7)]
+    target[to], target[to + U(1)], target[to + U(2)], target[to + U(3)] = a, b, c, d
+    target[to + U(4)], target[to + U(5)], target[to + U(6)], target[to + U(7)] = e, f, g, h
+
+
+@nb.njit(inline="always")
+def _collect(seen, count, across, along, step, stride, transmittance, residual, at, have, end):
+    """Put the next ``have`` pixels of a row behind the ``count`` ones that are collected already, a block at a time:
+    what is too much is overwritten by the next ones. Of each there are how far across the piece it is, in pixels, which
+    share along it, and its transmittance and residual. Behind ``end`` nothing is read."""
+    if at + 8 <= end:
+        begin, pixel, u, t = U(count), U(at), F(across), F(along)
+        for i in range(BLOCK):
+            seen[begin + i] = u + step * F(i)
+            seen[ALONG + begin + i] = t + stride * F(i)
+        _copy_block(transmittance, pixel, seen, TRANSMITTANCE + begin)
+        _copy_block(residual, pixel, seen, RESIDUAL + begin)
+    else:
+        for i in range(have):
+            seen[count + i] = F(across) + step * F(i)
+            seen[ALONG + U(count + i)] = F(along) + stride * F(i)
+            seen[TRANSMITTANCE + U(count + i)] = transmittance[at + i]
+            seen[RESIDUAL + U(count + i)] = residual[at + i]
+
+
+@nb.njit(**HELPER)
 def _add_moments(count, seen, radius, alpha, unit, spread, sums):
-    """Add to the sums of `_gather_edge` what ``count`` pixels say, of each of which seen (4, CHUNK) has how far across
-    the piece it is, in pixels, which share along it, and its transmittance and residual."""
-    across, along, through, residual = seen[0], seen[1], seen[2], seen[3]
+    """Add to the sums of `_gather_piece` what the ``count`` pixels say that `_collect` has put into seen."""
     r, one, inverse = F(radius), F(1.0), F(1.0 / spread)
     opacity, share, wide = F(alpha), F(alpha / spread), F(alpha * unit / spread)
     aa, ab, bb, rr = F(0.0), F(0.0), F(0.0), F(0.0)
     a, b, c = F(0.0), F(0.0), F(0.0)
     for i in range(_padded(count, seen)):
-        u = across[i]
+        u, along, residual = seen[i], seen[ALONG + i], seen[RESIDUAL + i]
         inside, near = _normal32((r - u) * inverse)
         beyond, far = _normal32((-r - u) * inverse)
         covered = min(opacity * (inside - beyond), F(OPAQUE))
-        others = min(through[i] / (one - covered), one)
+        others = min(seen[TRANSMITTANCE + i] / (one - covered), one)
         others = others if others >= F(HIDDEN) else F(0.0)
         by_place = others * share * (far - near)
         by_radius = others * wide * (near + far)
-        at_q = by_place * along[i]
+        at_q = by_place * along
         at_p = by_place - at_q
         aa += at_p * at_p
         ab += at_p * at_q
         bb += at_q * at_q
-        a += residual[i] * at_p
-        b += residual[i] * at_q
+        a += residual * at_p
+        b += residual * at_q
         rr += by_radius * by_radius
-        c += residual[i] * by_radius
+        c += residual * by_radius
     sums[0] += aa
     sums[1] += ab
     sums[2] += bb
@@ -431,74 +517,64 @@ def _add_moments(count, seen, radius, alpha, unit, spread, sums):
     sums[6] += c
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
-def _gather_edge(
+@nb.njit(inline="always")
+def _gather_piece(
+    line,
+    cuts,
     p,
-    q,
-    cut_p,
-    cut_q,
-    camera,
+    tx,
+    ty,
+    length,
+    unit,
     radius,
     alpha,
     height,
     width,
     start,
     spread,
-    edges,
     transmittance,
     residual,
+    spans,
     seen,
     sums,
 ):
-    """Moments over the pixels of one piece, into sums: (1-t)^2 w, t(1-t) w, t^2 w, (1-t) g, t g, and for the
-    radius w and g, with w the squared and g the residual-weighted derivative of the picture.
+    """Moments over the pixels of piece p, into sums: (1-t)^2 w, t(1-t) w, t^2 w, (1-t) g, t g, and for the radius w and
+    g, with w the squared and g the residual-weighted derivative of the picture.
 
     Rows are too short for vector registers, so that the pixels of several are gone through together; ``seen`` is room
-    for them, see `_add_moments`.
+    for them, see `_collect`.
     """
     for i in range(7):
         sums[i] = 0.0
-    ax, ay = p[0], p[1]
-    dx, dy = q[0] - ax, q[1] - ay
-    length = sqrt(dx * dx + dy * dy)
-    if length < 1e-9:
-        return False
-    tx, ty = dx / length, dy / length
-    unit = _half_width(p, q, camera)
     r = unit * radius
     reach = r + REACH * spread
     core = r - REACH * spread  # inside, the coverage is flat and tells nothing of the place
-    _edges(p, q, cut_p, cut_q, tx, ty, length, r, reach, edges)
-    top, bottom = _rows(p, q, cut_p, cut_q, tx, ty, r, reach, height)
-    count = 0
-    for j in range(top, bottom + 1):
-        left, right = _columns(j, edges, width)
-        flat_left, flat_right = _flat_columns(j, left, right, edges, core, tx, ty, ay)
-        y = j + 0.5 - ay
-        u, t = tx * y - ty * (0.5 - ax), (ty * y + tx * (0.5 - ax)) / length
-        at = start + j * width
-        while left <= right:
-            if left == flat_left:
-                left = flat_right
-            last = min(right + 1, left + CHUNK - count)
-            if left < flat_left:
-                last = min(last, flat_left)
-            first = count - left
-            for i in range(left, last):
-                seen[0, first + i] = u - ty * i
-                seen[1, first + i] = t + tx / length * i
-                seen[2, first + i] = transmittance[at + i]
-                seen[3, first + i] = residual[at + i]
-            count += last - left
-            left = last
-            if count == CHUNK:
-                _add_moments(count, seen, r, alpha, unit, spread, sums)
-                count = 0
+    top, rows = _spans(line, cuts, p, tx, ty, length, r, reach, core, height, width, spans)
+    step, stride, end, count = F(-ty), F(tx / length), start + height * width, 0
+    for n in range(rows):
+        j, span = top + n, 4 * n - 3 * (n & 7)
+        y = j + 0.5 - line[p, 1]
+        u, t = tx * y - ty * (0.5 - line[p, 0]), (ty * y + tx * (0.5 - line[p, 0])) / length
+        left, after = spans[span], spans[span + 8] + 1
+        stop, again = spans[span + 16], spans[span + 24]
+        while True:
+            while left < stop:
+                if count > CHUNK - 8:
+                    _add_moments(count, seen, r, alpha, unit, spread, sums)
+                    count = 0
+                have = min(stop - left, 8)
+                place = start + j * width + left
+                along = t + tx / length * left
+                _collect(seen, count, u - ty * left, along, step, stride, transmittance, residual, place, have, end)
+                count += have
+                left += have
+            if stop >= after:
+                break
+            left, stop = again, after
     _add_moments(count, seen, r, alpha, unit, spread, sums)
-    return True
 
 
-@nb.njit(parallel=True, cache=True, fastmath=True)
+@nb.njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
 def gather_struts(
     points,
     radius,
@@ -529,12 +605,17 @@ def gather_struts(
     they cover are still at hand.
     """
     single = hessian.shape[1] == 1
-    pieces = points.shape[1] - 1
+    pieces, tallest = points.shape[1] - 1, 0
+    for v in range(cameras.shape[0]):
+        tallest = max(tallest, shapes[v, 0])
     for n in nb.prange(points.shape[0]):
         k = order[n]
-        line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
-        sums = np.empty(7)
-        seen = np.empty((4, CHUNK), dtype=np.float32)
+        line, cuts, spans = (
+            np.empty((pieces + 1, 3)),
+            np.empty((pieces + 1, 5)),
+            np.empty(4 * tallest + 32, dtype=np.int32),
+        )
+        sums, seen = np.empty(7), np.empty(ROOM, dtype=np.float32)
         pull_a, pull_b = np.empty(3), np.empty(3)
         slope = np.zeros((pieces + 1, 3))
         own = np.zeros((pieces + 1, 3, 3))
@@ -543,48 +624,49 @@ def gather_struts(
             widths[k, p, 0] = 0.0
             widths[k, p, 1] = 0.0
         for v in range(cameras.shape[0]):
-            camera, spread = cameras[v], spreads[v]
+            spread = spreads[v]
             if not single:
                 slope[:] = 0.0
                 own[:] = 0.0
                 cross[:] = 0.0
                 hessian[k, v] = 0.0
                 gradient[k, v] = 0.0
-            if not _project(points[k], camera, line):
+            if not _project(points, k, cameras, v, line):
                 continue
             _cuts(line, cuts)
             for p in range(pieces):
-                if opacity[k, p] <= 0.0:
+                dx, dy = line[p + 1, 0] - line[p, 0], line[p + 1, 1] - line[p, 1]
+                length = sqrt(dx * dx + dy * dy)
+                if opacity[k, p] <= 0.0 or length < 1e-9:
                     continue
-                if not _gather_edge(
-                    line[p],
-                    line[p + 1],
-                    cuts[p],
-                    cuts[p + 1],
-                    camera,
+                tx, ty = dx / length, dy / length
+                unit = _half_width(line, p, cameras, v)
+                _gather_piece(
+                    line,
+                    cuts,
+                    p,
+                    tx,
+                    ty,
+                    length,
+                    unit,
                     radius[k, p],
                     opacity[k, p],
                     shapes[v, 0],
                     shapes[v, 1],
                     offsets[v],
                     spread,
-                    edges,
                     transmittance,
                     residual,
+                    spans,
                     seen,
                     sums,
-                ):
-                    continue
+                )
                 widths[k, p, 0] += sums[5]
                 widths[k, p, 1] += sums[6]
-                dx, dy = line[p + 1, 0] - line[p, 0], line[p + 1, 1] - line[p, 1]
-                length = sqrt(dx * dx + dy * dy)
-                _pull(line[p], -dy / length, dx / length, camera, pull_a)
-                _pull(line[p + 1], -dy / length, dx / length, camera, pull_b)
-                unit = _half_width(line[p], line[p + 1], camera)
+                _pull(line[p, 0], line[p, 1], line[p, 2], -ty, tx, cameras, v, pull_a)
+                _pull(line[p + 1, 0], line[p + 1, 1], line[p + 1, 2], -ty, tx, cameras, v, pull_b)
                 if single:  # views that may move tell nothing by how thick a strut looks: that would be its distance
-                    by_width = sums[6] * radius[k, p] / unit
-                    _half_width_slope(line[p], line[p + 1], camera, by_width, slope[p], slope[p + 1])
+                    _half_width_slope(line, p, cameras, v, sums[6] * radius[k, p] / unit, slope)
                 for a in range(3):
                     slope[p, a] += sums[3] * pull_a[a]
                     slope[p + 1, a] += sums[4] * pull_b[a]
@@ -593,36 +675,36 @@ def gather_struts(
                         own[p + 1, a, b] += sums[2] * pull_b[a] * pull_b[b]
                         cross[p, a, b] += sums[1] * pull_a[a] * pull_b[b]
             if not single:
-                _to_control_points(basis, own, cross, slope, hessian[k, v], gradient[k, v])
+                _to_control_points(basis, own, cross, slope, hessian, gradient, k, v)
         if single:
-            _to_control_points(basis, own, cross, slope, hessian[k, 0], gradient[k, 0])
+            _to_control_points(basis, own, cross, slope, hessian, gradient, k, 0)
 
 
-@nb.njit(cache=True, fastmath=True)
-def _to_control_points(basis, own, cross, slope, hessian, gradient):
+@nb.njit(**HELPER)
+def _to_control_points(basis, own, cross, slope, hessian, gradient, k, v):
     for a in range(12):
-        gradient[a] = 0.0
+        gradient[k, v, a] = 0.0
         for b in range(12):
-            hessian[a, b] = 0.0
+            hessian[k, v, a, b] = 0.0
     last = basis.shape[0] - 1
     for p in range(last + 1):
         for a in range(4):
             for x in range(3):
-                gradient[3 * a + x] += basis[p, a] * slope[p, x]
+                gradient[k, v, 3 * a + x] += basis[p, a] * slope[p, x]
             for b in range(4):
                 f = basis[p, a] * basis[p, b]
                 for x in range(3):
                     for y in range(3):
-                        hessian[3 * a + x, 3 * b + y] += f * own[p, x, y]
+                        hessian[k, v, 3 * a + x, 3 * b + y] += f * own[p, x, y]
                 if p < last:
                     f1 = basis[p, a] * basis[p + 1, b]
                     f2 = basis[p + 1, a] * basis[p, b]
                     for x in range(3):
                         for y in range(3):
-                            hessian[3 * a + x, 3 * b + y] += f1 * cross[p, x, y] + f2 * cross[p, y, x]
+                            hessian[k, v, 3 * a + x, 3 * b + y] += f1 * cross[p, x, y] + f2 * cross[p, y, x]
 
 
-@nb.njit(parallel=True, cache=True, fastmath=True)
+@nb.njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
 def gather_joints(
     joints, joint_radius, cameras, shapes, offsets, spreads, transmittance, residual, hessian, gradient, widths
 ):
@@ -635,18 +717,16 @@ def gather_joints(
         widths[k] = 0.0
         if joint_radius[k] <= 0.0:
             continue
-        row = np.empty(3)
         mx, my = np.empty(3), np.empty(3)
         for v in range(cameras.shape[0]):
-            camera, spread = cameras[v], spreads[v]
+            spread = spreads[v]
             height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
-            x, y, z = _joint(joints[k], camera)
+            x, y, z = _joint(joints, k, cameras, v)
             if z < 0.0:
                 continue
-            row[0], row[1], row[2] = x, y, z
-            _pull(row, 1.0, 0.0, camera, mx)
-            _pull(row, 0.0, 1.0, camera, my)
-            r = 0.5 * (camera[12] + camera[13]) * joint_radius[k] / z
+            _pull(x, y, z, 1.0, 0.0, cameras, v, mx)
+            _pull(x, y, z, 0.0, 1.0, cameras, v, my)
+            r = 0.5 * (cameras[v, 12] + cameras[v, 13]) * joint_radius[k] / z
             unit = r / joint_radius[k]
             reach, core = r + REACH * spread, r - REACH * spread
             hxx, hxy, hyy, gx, gy = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -683,26 +763,25 @@ def gather_joints(
                     )
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
+@nb.njit(**HELPER)
 def _add_evidence(count, seen, radius, alpha, spread, sums):
-    """Add to the sums of `gather_opacity` what ``count`` pixels say, as `_add_moments` takes them."""
-    across, through, residual = seen[0], seen[2], seen[3]
+    """Add to the sums of `gather_opacity` what the ``count`` pixels say that `_collect` has put into seen."""
     r, opacity, inverse, one, core = F(radius), F(alpha), F(1.0 / spread), F(1.0), F(REACH)
     weight, slope = F(0.0), F(0.0)
     for i in range(_padded(count, seen)):
-        u = abs(across[i])
+        u = abs(seen[i])
         inside, _ = _normal32(min((r - u) * inverse, core))
         beyond, _ = _normal32((-r - u) * inverse)
         c = inside - beyond
-        others = min(through[i] / (one - min(opacity * c, F(OPAQUE))), one)
+        others = min(seen[TRANSMITTANCE + i] / (one - min(opacity * c, F(OPAQUE))), one)
         plain = c * others if others >= F(HIDDEN) else F(0.0)
         weight += plain * plain
-        slope += residual[i] * plain
+        slope += seen[RESIDUAL + i] * plain
     sums[0] += weight
     sums[1] += slope
 
 
-@nb.njit(parallel=True, cache=True, fastmath=True)
+@nb.njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
 def gather_opacity(
     points, radius, opacity, cameras, shapes, offsets, spreads, transmittance, residual, order, evidence
 ):
@@ -712,47 +791,61 @@ def gather_opacity(
     that opacity - slope / W is the least-squares opacity and W, in pixels, how much of the piece is in plain view.
     Struts are gone through in ``order`` (E,), as by `gather_struts`.
     """
-    pieces = points.shape[1] - 1
+    pieces, tallest = points.shape[1] - 1, 0
+    for v in range(cameras.shape[0]):
+        tallest = max(tallest, shapes[v, 0])
     for n in nb.prange(points.shape[0]):
         k = order[n]
-        line, cuts, edges = np.empty((pieces + 1, 3)), np.empty((pieces + 1, 2)), np.empty(12)
-        seen, sums = np.empty((4, CHUNK), dtype=np.float32), np.empty(2)
+        line, cuts, spans = (
+            np.empty((pieces + 1, 3)),
+            np.empty((pieces + 1, 5)),
+            np.empty(4 * tallest + 32, dtype=np.int32),
+        )
+        seen, sums = np.empty(ROOM, dtype=np.float32), np.empty(2)
         for p in range(pieces):
             evidence[k, p, 0] = 0.0
             evidence[k, p, 1] = 0.0
         for v in range(cameras.shape[0]):
-            camera, spread = cameras[v], spreads[v]
+            spread = spreads[v]
             height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
-            if not _project(points[k], camera, line):
+            if not _project(points, k, cameras, v, line):
                 continue
             _cuts(line, cuts)
             for p in range(pieces):
-                a, b = line[p], line[p + 1]
-                dx, dy = b[0] - a[0], b[1] - a[1]
+                dx, dy = line[p + 1, 0] - line[p, 0], line[p + 1, 1] - line[p, 1]
                 length = sqrt(dx * dx + dy * dy)
                 if length < 1e-9:
                     continue
                 tx, ty = dx / length, dy / length
-                r = _half_width(a, b, camera) * radius[k, p]
+                r = _half_width(line, p, cameras, v) * radius[k, p]
                 reach = r + REACH * spread
-                _edges(a, b, cuts[p], cuts[p + 1], tx, ty, length, r, reach, edges)
-                top, bottom = _rows(a, b, cuts[p], cuts[p + 1], tx, ty, r, reach, height)
+                top, rows = _spans(line, cuts, p, tx, ty, length, r, reach, -1.0, height, width, spans)
                 sums[0], sums[1], count = 0.0, 0.0, 0
-                for j in range(top, bottom + 1):
-                    left, right = _columns(j, edges, width)
-                    at, u = start + j * width, tx * (j + 0.5 - a[1]) - ty * (0.5 - a[0])
-                    while left <= right:
-                        last = min(right + 1, left + CHUNK - count)
-                        first = count - left
-                        for i in range(left, last):
-                            seen[0, first + i] = u - ty * i
-                            seen[2, first + i] = transmittance[at + i]
-                            seen[3, first + i] = residual[at + i]
-                        count += last - left
-                        left = last
-                        if count == CHUNK:
+                for m in range(rows):
+                    j, span = top + m, 4 * m - 3 * (m & 7)
+                    u = tx * (j + 0.5 - line[p, 1]) - ty * (0.5 - line[p, 0])
+                    left, after = spans[span], spans[span + 8] + 1
+                    while left < after:
+                        if count > CHUNK - 8:
                             _add_evidence(count, seen, r, opacity[k, p], spread, sums)
                             count = 0
+                        have, place = min(after - left, 8), start + j * width + left
+                        begin = u - ty * left
+                        _collect(
+                            seen,
+                            count,
+                            begin,
+                            0.0,
+                            F(-ty),
+                            F(0.0),
+                            transmittance,
+                            residual,
+                            place,
+                            have,
+                            start + height * width,
+                        )
+                        count += have
+                        left += have
                 _add_evidence(count, seen, r, opacity[k, p], spread, sums)
                 evidence[k, p, 0] += sums[0]
                 evidence[k, p, 1] += sums[1]
