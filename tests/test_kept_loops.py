@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from frametwin.compiled.kept_loops import KeptLoops, read_code, write_code
+from frametwin.compiled.machine_code import MachineCode
+from frametwin.compiled.object_file import missing_symbols
 from frametwin.raster import rod_kernels, rods
-from frametwin.raster.kept_loops import KeptLoops, read_code, write_code
-from frametwin.raster.machine_code import MachineCode
-from frametwin.raster.object_file import missing_symbols
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="machine code is kept on Linux alone")
 
@@ -37,7 +37,7 @@ def scaled(numbers, result):
 RUN = """
 import sys
 import numpy as np
-from frametwin.raster.kept_loops import KeptLoops
+from frametwin.compiled.kept_loops import KeptLoops
 
 numbers = np.arange(6.0).reshape(2, 3) + float(sys.argv[1])
 result = np.empty_like(numbers)
@@ -62,7 +62,7 @@ THREADS = """
 import sys
 import numba
 import numpy as np
-from frametwin.raster.machine_code import linker
+from frametwin.compiled.machine_code import linker
 
 @numba.njit(parallel=True)
 def one(numbers):
@@ -175,7 +175,7 @@ def test_another_numba_or_llvmlite_than_is_expected_is_left_to_numba(monkeypatch
     def changed() -> str:
         raise AttributeError("get_host_cpu_name")
 
-    monkeypatch.setattr("frametwin.raster.kept_loops.host", changed)
+    monkeypatch.setattr("frametwin.compiled.kept_loops.host", changed)
     residual, losses = np.empty(200, dtype=np.float32), np.empty(1)
     white = np.ones(200, dtype=np.float32)
     KeptLoops("frametwin.raster.rod_kernels").compare(

@@ -12,6 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 ROOMS = (
     "root",
+    "compiled",
     "geometry",
     "fields",
     "mechanics",

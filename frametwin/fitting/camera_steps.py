@@ -18,7 +18,6 @@ from frametwin.fitting.camera_freedoms import (
 from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
 from frametwin.fitting.motion import GROUND, Pose, as_rods, joint_system
-from frametwin.mechanics.beams import factorise
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Terms, ViewTerms
@@ -164,7 +163,7 @@ def reduced_system(
     border = np.zeros((6 * elastic.vertex_count, size))
     np.add.at(border, elastic.freedoms, coupled)
     border.reshape(-1, 6, size)[:, :3] += cams.joints.reshape(-1, 3, size)
-    both = factorise(elastic.anchored(matrix)).solve(np.column_stack([right, border]))
+    both = elastic.factorise(elastic.anchored(matrix)).solve(np.column_stack([right, border]))
     joints, by_border = both[:, 0], both[:, 1:]
     return Reduced(
         matrix=own - border.T @ by_border,

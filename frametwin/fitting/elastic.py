@@ -10,7 +10,8 @@ from scipy import sparse
 from frametwin.fitting.stubs import tell_typical
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.beams import Sections, cross_matrix, element_stiffness, factorise
+from frametwin.mechanics.beams import Sections, cross_matrix, element_stiffness
+from frametwin.mechanics.blocks import BlockFactor, BlockPattern
 
 INNER = slice(3, 9)
 """Of a strut's twelve control coordinates, the two inner points."""
@@ -62,7 +63,7 @@ class ElasticFrame:
         tangent = (end - start) / chord[:, None]
         self.spin_stiffness = _spin_stiffness(tangent, young / 2.7 * 2.0 * inertia / chord)
         self.inner_stiffness = _inner_stiffness(tangent, inertia / chord**3 / unit, area / chord / unit)
-        self._pattern()
+        self._find_pattern()
 
     def stiffened(self, factor: np.ndarray) -> ElasticFrame:
         """The same with struts that are stiffer by a factor (E,)."""
@@ -87,42 +88,23 @@ class ElasticFrame:
         for name in ("follow", "stiffness", "spin_stiffness", "inner_stiffness"):
             setattr(result, name, getattr(self, name)[struts])
         result.freedoms = (6 * frame.edges[:, :, None] + np.arange(6)).reshape(-1, 12)
-        result._pattern()
+        result._find_pattern()
         result._pinned = (6 * np.flatnonzero(pinned)[:, None] + np.arange(6)).ravel()
         return result
 
-    def _pattern(self) -> None:
-        """Where every element's entries go in the assembled matrix; found once, as it never changes.
-
-        A column holds the rows of its joint and of the joints that struts join it to, six for each, in their order.
-        """
-        count, struts = self.vertex_count, len(self.edges)
-        pairs = self.edges[:, None, :] * count + self.edges[:, :, None]  # column and row of each block
-        keys, place = np.unique(np.append(pairs.ravel(), np.arange(count) * (count + 1)), return_inverse=True)
-        column, row = np.divmod(keys, count)
-        high = np.bincount(column, minlength=count)  # blocks in a column
-        before = np.cumsum(high) - high
-        corner = 36 * before[column] + 6 * (np.arange(len(keys)) - before[column])
-        six = np.arange(6)
-        inside = corner[:, None, None] + (6 * high[column])[:, None, None] * six + six[:, None]  # (.., row, column)
-        self._slot = inside[place[: 4 * struts].reshape(struts, 2, 2)].transpose(0, 1, 3, 2, 4).ravel()
-        self._indices = np.empty(inside.size, dtype=np.int32)
-        self._indices[inside] = (6 * row[:, None] + six)[:, :, None]
-        starts = 36 * before[:, None] + 6 * high[:, None] * six
-        self._indptr = np.append(starts.ravel(), inside.size).astype(np.int32)
-        own = inside[place[4 * struts :]]
-        self._diagonal = own[:, six, six].ravel()
-        touched = np.zeros(count, dtype=bool)
-        touched[self.edges.ravel()] = True
-        self._joint_slots, self._touched = own[touched, :3, :3], touched
+    def _find_pattern(self) -> None:
+        """Where every element's entries go in the assembled matrix; found once, as it never changes."""
+        self._pattern = BlockPattern.of(self.edges, self.vertex_count)
+        self._diagonal = self._pattern.diagonal
+        self._touched = np.zeros(self.vertex_count, dtype=bool)
+        self._touched[self.edges.ravel()] = True
 
     def assemble(self, blocks: np.ndarray, joint_blocks: np.ndarray | None = None) -> sparse.csc_matrix:
         """Sum strut blocks (E, 12, 12) and joint blocks (V, 3, 3) over the shifts into a (6V, 6V) matrix."""
-        data = np.bincount(self._slot, weights=blocks.ravel(), minlength=len(self._indices))
+        entries = self._pattern.summed(blocks)
         if joint_blocks is not None:
-            data[self._joint_slots] += joint_blocks[self._touched]
-        size = 6 * self.vertex_count
-        return sparse.csc_matrix((data, self._indices, self._indptr), shape=(size, size))
+            entries[self._pattern.own[self._touched, :3, :3]] += joint_blocks[self._touched]
+        return self._pattern.matrix(entries)
 
     def assemble_vector(self, parts: np.ndarray, joint_parts: np.ndarray | None = None) -> np.ndarray:
         """Sum strut parts (E, 12) and joint parts (V, 3) into (6V,)."""
@@ -139,9 +121,13 @@ class ElasticFrame:
         anchored.data[self._diagonal[self._pinned]] += PINNED * max(mean, 1.0)
         return anchored
 
+    def factorise(self, matrix: sparse.csc_matrix) -> BlockFactor:
+        """Factors of a positive definite matrix (6V, 6V) with the pattern of the assembled ones."""
+        return self._pattern.elimination.factorise(matrix.data)
+
     def solve(self, matrix: sparse.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Solution of the anchored system."""
-        return factorise(self.anchored(matrix)).solve(right)
+        return self.factorise(self.anchored(matrix)).solve(right)
 
     def displaced(self, control_points: np.ndarray, joints: np.ndarray, inner: np.ndarray) -> np.ndarray:
         """Control points (E, 4, 3) after the joints' freedoms (V, 6) and the struts' own (E, 6)."""

@@ -13,7 +13,6 @@ import numpy as np
 
 from frametwin.fields.lattice import LatticeField, even_cells
 from frametwin.fitting.elastic import ElasticFrame
-from frametwin.mechanics.beams import factorise
 
 HOLD = 1e6
 """Springs on grounded joints, relative to the mean diagonal of the stiffness."""
@@ -60,7 +59,7 @@ def load_answers(elastic: ElasticFrame, cells: int) -> np.ndarray:
     grip = np.zeros_like(diagonal)
     grip.reshape(-1, 6)[held] = HOLD * diagonal.mean()
     stiffness.setdiag(diagonal + grip)
-    answers = factorise(stiffness).solve(loads.reshape(6 * frame.vertex_count, -1))
+    answers = elastic.factorise(stiffness).solve(loads.reshape(6 * frame.vertex_count, -1))
     return _scaled(answers)
 
 

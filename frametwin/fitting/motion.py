@@ -10,7 +10,6 @@ from scipy import sparse
 
 from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
-from frametwin.mechanics.beams import factorise
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, Terms
@@ -18,6 +17,9 @@ from frametwin.raster.rods import Rods, Terms
 GROUND = 300.0
 """Stiffness by which a grounded joint sticks to the plate, relative to the median strut's sideways one: enough to
 keep feet that no view shows, and nothing against feet that are seen."""
+
+TOGETHER = 16
+"""Pairs of joints that are solved for at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,11 +209,13 @@ def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs
         together costs when all else follows.
     """
     matrix, *_ = _without_inner(elastic, terms, weight)
-    factor = factorise(elastic.anchored(matrix))
+    factor = elastic.factorise(elastic.anchored(matrix))
     result = np.empty((len(pairs), 3, 3))
-    for i, (first, second) in enumerate(pairs):
-        apart = np.zeros((6 * elastic.vertex_count, 3))
-        apart[6 * first + np.arange(3), np.arange(3)] = 1.0
-        apart[6 * second + np.arange(3), np.arange(3)] = -1.0
-        result[i] = apart.T @ np.stack([factor.solve(column) for column in apart.T], axis=1)
+    for begin in range(0, len(pairs), TOGETHER):
+        some = pairs[begin : begin + TOGETHER]
+        apart = np.zeros((6 * elastic.vertex_count, len(some), 3))
+        for sign, joint in ((1.0, some[:, 0]), (-1.0, some[:, 1])):
+            apart[6 * joint[:, None] + np.arange(3), np.arange(len(some))[:, None], np.arange(3)] = sign
+        solved = factor.solve(apart.reshape(len(apart), -1)).reshape(apart.shape)
+        result[begin : begin + TOGETHER] = np.einsum("npi,npj->pij", apart, solved, optimize=True)
     return result

@@ -7,8 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.geometry import bezier
-from frametwin.raster.kept_loops import KeptLoops
 from frametwin.raster.pyramid import Level
 
 rod_kernels = KeptLoops("frametwin.raster.rod_kernels")

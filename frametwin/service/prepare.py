@@ -10,6 +10,7 @@ import numpy as np
 
 from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting import presence
+from frametwin.fitting.elastic import ElasticFrame
 from frametwin.geometry.parametric import half_bowl
 from frametwin.printing.job.check import check_job
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
@@ -71,6 +72,10 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
         opacity=np.ones((frame.strut_count, PIECES)),
     )
 
+    def factors() -> None:
+        elastic = ElasticFrame(frame)
+        elastic.solve(elastic.assemble(elastic.stiffness), np.zeros(6 * frame.vertex_count))
+
     def print_job() -> None:
         with scratch_folder() as scratch:
             check_job(plan_job(scratch / "job", frame, PlanOptions(allow_contact=True)))
@@ -80,5 +85,6 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
         ("pictures of rods", lambda: rods.transmittance(drawn, level)),
         ("steps of the fit", lambda: rods.gauss_newton(drawn, level)),
         ("what is there of a strut", lambda: presence.strut_whiteness(drawn, level)),
+        ("factors of a frame's stiffness", factors),
         ("orders and checks of prints", print_job),
     ]

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import SuperLU
 
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.beams import Sections, element_loads, element_stiffness, factorise
+from frametwin.mechanics.beams import Sections, element_loads, element_stiffness
+from frametwin.mechanics.blocks import BlockFactor, BlockPattern
 from frametwin.printing.process.calibration import LEAST_FLOW
 from frametwin.printing.process.material import PrintSettings, flowed_between
 
@@ -128,7 +128,7 @@ class CreepStep:
     along: np.ndarray
     sideways: np.ndarray
     free: np.ndarray
-    factor: SuperLU | None
+    factor: BlockFactor | None
     ages: np.ndarray
 
 
@@ -192,11 +192,11 @@ class CreepModel:
         freedoms = (6 * edges[:, :, None] + np.arange(6)).reshape(-1, 12)
         size = 6 * design.vertex_count
         force = np.bincount(freedoms.ravel(), weights=np.einsum("nfk,nk->nf", sideways, pull).ravel(), minlength=size)
-        held = np.repeat(design.grounded, 6)
-        free = np.setdiff1d(np.unique(freedoms), np.flatnonzero(held))
+        joints = np.setdiff1d(edges, np.flatnonzero(design.grounded))
+        free = (6 * joints[:, None] + np.arange(6)).ravel()
         moved, factor = np.zeros(size), None
         if len(free):
-            factor = _factor(stiffness, freedoms, free, size)
+            factor = _factor(stiffness, edges, joints, design.vertex_count)
             moved[free] = factor.solve(force[free])
         moved = _bounded(moved.reshape(-1, 6), LARGEST_MOVE * design.extent)
         if bows is not None:
@@ -241,14 +241,12 @@ def _held_up(edges: np.ndarray, grounded: np.ndarray) -> np.ndarray:
     return np.asarray(np.isin(piece[edges[:, 0]], piece[grounded]))
 
 
-def _factor(stiffness: np.ndarray, freedoms: np.ndarray, free: np.ndarray, size: int) -> SuperLU:
-    """Factors of the stiffness (F, F) between the rows that are free, of elements (N, 12, 12)."""
-    place = np.full(size, -1)
-    place[free] = np.arange(len(free))
-    rows, columns = np.repeat(place[freedoms], 12, axis=1).ravel(), np.tile(place[freedoms], (1, 12)).ravel()
-    inner = (rows >= 0) & (columns >= 0)
-    entries = (stiffness.ravel()[inner], (rows[inner], columns[inner]))
-    return factorise(sparse.coo_matrix(entries, shape=(len(free), len(free))).tocsc())
+def _factor(stiffness: np.ndarray, edges: np.ndarray, joints: np.ndarray, count: int) -> BlockFactor:
+    """Factors of the stiffness between the ``joints`` that are free, of elements (N, 12, 12) between edges (N, 2)."""
+    place = np.full(count, -1)
+    place[joints] = np.arange(len(joints))
+    pattern = BlockPattern.of(place[edges], len(joints))
+    return pattern.elimination.factorise(pattern.summed(stiffness))
 
 
 def _bows(start: np.ndarray, end: np.ndarray, moved: np.ndarray, load: np.ndarray, bending: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from frametwin.raster.object_file import missing_symbols
+from frametwin.compiled.object_file import missing_symbols
 
 HARMLESS = {"NUMBA_NUM_THREADS", "NUMBA_CACHE_DIR"}
 """Variables of the environment that change nothing of the code; with any other of numba's, numba is asked."""

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from frametwin.compiled.machine_code import Loop, MachineCode, NotUsable, host, linker
 from frametwin.errors import InputError
 from frametwin.files import write_bytes
-from frametwin.raster.machine_code import Loop, MachineCode, NotUsable, host, linker
 
 Kinds = tuple[tuple[str, int], ...]
 

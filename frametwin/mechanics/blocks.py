@@ -1,0 +1,187 @@
+"""Sparse symmetric matrices of blocks of six by six, one for each joint and each joined pair, and their factors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from frametwin.compiled.kept_loops import KeptLoops
+
+block_kernels = KeptLoops("frametwin.mechanics.block_kernels")
+
+BLOCK = 6
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPattern:
+    """Where the entries of elements between two joints go in the matrix of all of them, by columns.
+
+    A column holds the rows of its joint and of the joints that elements join it to, six for each, in their order.
+
+    Attributes
+    ----------
+    starts, rows : (V+1,) and (M,) int64 arrays
+        The blocks in each column of blocks.
+    slots : (144 N,) int64 array
+        Of every entry of the elements (N, 12, 12); 36 M, behind all of them, where an end is held.
+    own : (V, 6, 6) int64 array
+        Slots of the joints' own blocks, by row and column.
+    """
+
+    starts: np.ndarray
+    rows: np.ndarray
+    slots: np.ndarray
+    own: np.ndarray
+
+    @classmethod
+    def of(cls, edges: np.ndarray, count: int) -> BlockPattern:
+        """The pattern of elements between the joints ``edges`` (N, 2) of ``count``; -1 is an end that is held."""
+        elements = len(edges)
+        pairs = (edges[:, None, :] * count + edges[:, :, None]).ravel()  # column and row of each block
+        free = ((edges[:, None, :] >= 0) & (edges[:, :, None] >= 0)).ravel()
+        keys, place = np.unique(np.append(pairs[free], np.arange(count) * (count + 1)), return_inverse=True)
+        column, row = np.divmod(keys, max(count, 1))
+        high = np.bincount(column, minlength=count)  # blocks in a column
+        starts = np.append(0, np.cumsum(high))
+        corner = 36 * starts[column] + BLOCK * (np.arange(len(keys)) - starts[column])
+        six = np.arange(BLOCK)
+        inside = corner[:, None, None] + (BLOCK * high[column])[:, None, None] * six + six[:, None]  # (M, row, column)
+        slots = np.full((4 * elements, BLOCK, BLOCK), 36 * len(keys))
+        joined = int(free.sum())
+        slots[free] = inside[place[:joined]]
+        slots = slots.reshape(elements, 2, 2, BLOCK, BLOCK).transpose(0, 1, 3, 2, 4).ravel()
+        return cls(starts, row, slots, inside[place[joined:]])
+
+    @property
+    def diagonal(self) -> np.ndarray:
+        """(6V,) slots of the diagonal."""
+        return np.diagonal(self.own, axis1=1, axis2=2).ravel()
+
+    @cached_property
+    def elimination(self) -> Elimination:
+        """In which order its joints are eliminated."""
+        return Elimination.of(self.starts, self.rows)
+
+    def summed(self, elements: np.ndarray) -> np.ndarray:
+        """(36 M,) entries of the sum of elements (N, 12, 12)."""
+        size = BLOCK * BLOCK * len(self.rows)
+        found = np.bincount(self.slots, weights=elements.ravel(), minlength=size + 1)[:size]
+        return found.astype(np.float64, copy=False)  # of nothing it is one of whole numbers
+
+    def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
+        """Entries (36 M,) as a sparse matrix (6V, 6V)."""
+        size = BLOCK * len(self.own)
+        return sparse.csc_matrix((entries, self._indices, self._indptr), shape=(size, size))
+
+    @cached_property
+    def _indices(self) -> np.ndarray:
+        """Rows of all entries."""
+        high = np.diff(self.starts)
+        block = (
+            np.repeat(BLOCK * self.starts[:-1], BLOCK * high) // BLOCK
+        )  # of each row of a column of blocks its first
+        within = np.arange(BLOCK * len(self.rows)) - BLOCK * block
+        rows = BLOCK * self.rows[block + within // BLOCK] + within % BLOCK
+        parts = np.split(rows.astype(np.int32), BLOCK * self.starts[1:-1])
+        return np.concatenate([np.tile(part, BLOCK) for part in parts])
+
+    @cached_property
+    def _indptr(self) -> np.ndarray:
+        high = np.diff(self.starts)
+        starts = 36 * self.starts[:-1, None] + BLOCK * high[:, None] * np.arange(BLOCK)
+        return np.append(starts.ravel(), 36 * len(self.rows)).astype(np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """In which order the joints of a pattern are eliminated, and what is eliminated together; see `block_kernels`.
+
+    Attributes
+    ----------
+    starts, rows : (V+1,) and (M,) int64 arrays
+        The blocks in the columns of the pattern.
+    order, fronts, bounds, members, sizes
+        As `block_kernels.analyse` finds them.
+    """
+
+    starts: np.ndarray
+    rows: np.ndarray
+    order: np.ndarray
+    fronts: np.ndarray
+    bounds: np.ndarray
+    members: np.ndarray
+    sizes: np.ndarray
+
+    @classmethod
+    def of(cls, starts: np.ndarray, rows: np.ndarray) -> Elimination:
+        """Find it for a symmetric pattern.
+
+        Parameters
+        ----------
+        starts : (V+1,) int array
+            Where the blocks of each column begin in ``rows``.
+        rows : (M,) int array
+            Their rows, in both triangles and on the diagonal.
+        """
+        starts, rows = (np.ascontiguousarray(one, dtype=np.int64) for one in (starts, rows))
+        count, room = len(starts) - 1, 2 * len(rows) + 64
+        order, bounds = np.empty(count, dtype=np.int64), np.empty(count + 1, dtype=np.int64)
+        fronts, sizes = np.empty((count + 1, 3), dtype=np.int64), np.zeros(6, dtype=np.int64)
+        while True:
+            members = np.empty(room, dtype=np.int64)
+            block_kernels.analyse(starts, rows, order, fronts, bounds, members, sizes)
+            if sizes[0] or not count:
+                return cls(starts, rows, order, fronts, bounds, members, sizes)
+            room *= 2
+
+    def factorise(self, data: np.ndarray) -> BlockFactor:
+        """Factors L D L^T of a matrix of this pattern, without pivoting: it shall be positive definite.
+
+        Parameters
+        ----------
+        data : (36 M,) array
+            Column by column, each through the rows of all of its blocks, as in a sparse matrix by columns. Of each pair
+            of entries on both sides of the diagonal one alone is looked at.
+
+        Raises
+        ------
+        RuntimeError
+            If a pivot is 0 or no number.
+        """
+        data = np.ascontiguousarray(data, dtype=np.float64)
+        factors, pivots = np.empty(self.sizes[3]), np.empty(BLOCK * len(self.order))
+        good = np.zeros(1, dtype=np.int64)
+        block_kernels.factorise(self.starts, self.rows, data, *self._parts, factors, pivots, good)
+        if not good[0]:
+            raise RuntimeError("Factor is exactly singular")
+        return BlockFactor(self, factors, pivots)
+
+    @property
+    def _parts(self) -> tuple[np.ndarray, ...]:
+        return self.order, self.fronts, self.bounds, self.members, self.sizes
+
+
+@dataclass(frozen=True, eq=False)
+class BlockFactor:
+    """Factors of a matrix (6V, 6V).
+
+    Attributes
+    ----------
+    elimination : Elimination
+    factors, pivots
+        As `block_kernels.factorise` finds them.
+    """
+
+    elimination: Elimination
+    factors: np.ndarray
+    pivots: np.ndarray
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Solutions for right sides (6V,) or (6V, M)."""
+        sides = np.ascontiguousarray(right[:, None] if right.ndim == 1 else right, dtype=np.float64)
+        result = np.empty_like(sides)
+        block_kernels.solve(*self.elimination._parts, self.factors, self.pivots, sides, result)
+        return result.reshape(right.shape)
