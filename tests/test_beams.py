@@ -13,6 +13,7 @@ from frametwin.errors import InputError
 from frametwin.formats import read_frame
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.mechanics.beams import element_loads, loads_along_axes
 from frametwin.mechanics.stiffness import (
     PLA,
     FrameBeams,
@@ -237,3 +238,11 @@ def test_bad_stiffness_is_refused(scale: np.ndarray) -> None:
 def test_bad_material_is_refused(fields: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(fields))):
         Material(**fields)
+
+
+def test_loads_along_the_axes_are_those_of_three_loads() -> None:
+    rng = np.random.default_rng(5)
+    start, end, load = rng.normal(size=(7, 3)), rng.normal(size=(7, 3)) + 3.0, rng.uniform(0.1, 2.0, 7)
+    along = loads_along_axes(start, end, load)
+    for axis, unit in enumerate(np.eye(3)):
+        np.testing.assert_allclose(along[:, :, axis], element_loads(start, end, load[:, None] * unit), atol=1e-14)

@@ -87,14 +87,16 @@ def element_stiffness(start: np.ndarray, end: np.ndarray, sections: Sections) ->
     couple = (6.0 * bend / length)[:, None, None] * cross_matrix(t)
     near = (4.0 * bend)[:, None, None] * across + twist
     far = (2.0 * bend)[:, None, None] * across - twist
-    return np.block(
-        [
-            [force, -couple, -force, -couple],
-            [couple, near, -couple, far],
-            [-force, couple, force, couple],
-            [couple, far, -couple, near],
-        ]
+    result = np.empty((len(t), 4, 3, 4, 3))  # block by block: np.block takes as long as all the rest
+    blocks = (
+        (force, -couple, -force, -couple),
+        (couple, near, -couple, far),
+        (-force, couple, force, couple),
+        (couple, far, -couple, near),
     )
+    for row, column in np.ndindex(4, 4):
+        result[:, row, :, column] = blocks[row][column]
+    return result.reshape(-1, 12, 12)
 
 
 def element_loads(start: np.ndarray, end: np.ndarray, load: np.ndarray) -> np.ndarray:
@@ -165,6 +167,17 @@ class Chains:
         inner = self.inner_load - np.einsum("mie,me->mi", self.inner_ends, ends)
         nodes = np.concatenate([ends[:, :6], inner, ends[:, 6:]], axis=1)
         return nodes.reshape(len(ends), -1, 6)
+
+
+def loads_along_axes(start: np.ndarray, end: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """`element_loads` (N, 12, 3) of even loads ``load`` (N,), N per mm of beam, along each of the world's axes."""
+    axis = end - start
+    whole = (load * np.linalg.norm(axis, axis=1))[:, None, None]
+    result = np.empty((len(axis), 12, 3))
+    result[:, 0:3] = result[:, 6:9] = whole / 2.0 * np.eye(3)
+    result[:, 3:6] = whole / 12.0 * cross_matrix(axis)
+    result[:, 9:12] = -result[:, 3:6]
+    return result
 
 
 def assemble(stiffness: np.ndarray, edges: np.ndarray, node_count: int) -> sparse.csc_matrix:

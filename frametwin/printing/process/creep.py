@@ -10,13 +10,14 @@ print has by then: so a print that leans is loaded as one that leans.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.beams import Sections, element_loads, element_stiffness
+from frametwin.mechanics.beams import Sections, element_stiffness, loads_along_axes
 from frametwin.mechanics.blocks import BlockFactor, BlockPattern
 from frametwin.printing.process.calibration import LEAST_FLOW
 from frametwin.printing.process.material import PrintSettings, flowed_between
@@ -175,8 +176,7 @@ class CreepModel:
             To which is added by how much the inner control points of the struts move beyond what their ends do.
         """
         design, material = self.design, self.settings.material
-        struts = np.flatnonzero(state.laid)
-        struts = struts[_held_up(design.edges[struts], design.grounded)]
+        struts, joints, pattern = _standing(design.edges.tobytes(), state.laid.tobytes(), design.grounded.tobytes())
         edges, radius = design.edges[struts], design.radius[struts]
         ages = np.maximum(np.stack([np.full(len(struts), since), np.full(len(struts), state.clock)]), 0.0)
         ages = np.maximum(ages - state.laid_at[struts], 0.0)
@@ -187,16 +187,15 @@ class CreepModel:
         along = element_stiffness(start, end, Sections(parameters.axial * sections.axial, none, none))
         stiffness = along + element_stiffness(start, end, Sections(none, sections.bending, sections.twisting))
         weight = (parameters.weight * material.weight * np.pi * radius**2)[:, None]
-        sideways = np.stack([element_loads(start, end, weight * unit) for unit in np.eye(3)], axis=2)
+        sideways = loads_along_axes(start, end, weight[:, 0])
         pull = np.column_stack([parameters.pull[struts], -np.ones(len(struts))])
         freedoms = (6 * edges[:, :, None] + np.arange(6)).reshape(-1, 12)
         size = 6 * design.vertex_count
         force = np.bincount(freedoms.ravel(), weights=np.einsum("nfk,nk->nf", sideways, pull).ravel(), minlength=size)
-        joints = np.setdiff1d(edges, np.flatnonzero(design.grounded))
         free = (6 * joints[:, None] + np.arange(6)).ravel()
         moved, factor = np.zeros(size), None
         if len(free):
-            factor = _factor(stiffness, edges, joints, design.vertex_count)
+            factor = pattern.elimination.factorise(pattern.summed(stiffness))
             moved[free] = factor.solve(force[free])
         moved = _bounded(moved.reshape(-1, 6), LARGEST_MOVE * design.extent)
         if bows is not None:
@@ -233,20 +232,28 @@ def _bounded(moved: np.ndarray, most: float) -> np.ndarray:
     return np.asarray(sound * np.minimum(1.0, most / np.maximum(shift, 1e-12)))
 
 
+@lru_cache(maxsize=48)
+def _standing(edges: bytes, laid: bytes, grounded: bytes) -> tuple[np.ndarray, np.ndarray, BlockPattern]:
+    """Struts that stand on the plate, joints of them that are free, and the pattern of the stiffness between these.
+
+    From edges (E, 2) of int64, and laid (E,) and grounded (V,) of bool, as bytes: the forecasts of a print, round after
+    round and answer after answer, come by the same ones.
+    """
+    ends, on_plate = np.frombuffer(edges, dtype=np.int64).reshape(-1, 2), np.frombuffer(grounded, dtype=bool)
+    struts = np.flatnonzero(np.frombuffer(laid, dtype=bool))
+    struts = struts[_held_up(ends[struts], on_plate)]
+    joints = np.setdiff1d(ends[struts], np.flatnonzero(on_plate))
+    place = np.full(len(on_plate), -1)
+    place[joints] = np.arange(len(joints))
+    return struts, joints, BlockPattern.of(place[ends[struts]], len(joints))
+
+
 def _held_up(edges: np.ndarray, grounded: np.ndarray) -> np.ndarray:
     """(N,) bool: which of the struts (N, 2) reach a grounded joint by way of each other."""
     count = len(grounded)
     joined = sparse.coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
     _, piece = connected_components(joined, directed=False)
     return np.asarray(np.isin(piece[edges[:, 0]], piece[grounded]))
-
-
-def _factor(stiffness: np.ndarray, edges: np.ndarray, joints: np.ndarray, count: int) -> BlockFactor:
-    """Factors of the stiffness between the ``joints`` that are free, of elements (N, 12, 12) between edges (N, 2)."""
-    place = np.full(count, -1)
-    place[joints] = np.arange(len(joints))
-    pattern = BlockPattern.of(place[edges], len(joints))
-    return pattern.elimination.factorise(pattern.summed(stiffness))
 
 
 def _bows(start: np.ndarray, end: np.ndarray, moved: np.ndarray, load: np.ndarray, bending: np.ndarray) -> np.ndarray:
