@@ -15,10 +15,13 @@ statics).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import SuperLU, splu
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 
 def cross_matrix(t: np.ndarray) -> np.ndarray:
@@ -203,6 +206,8 @@ def factorise(matrix: sparse.csc_matrix) -> SuperLU:
     Such a matrix needs no pivoting: the diagonal is taken as it comes, so the fill-in stays what minimum
     degree ordering promises (a tenth of what threshold pivoting makes of a frame of 4,000 struts).
     """
+    from scipy.sparse.linalg import splu  # takes a tenth of a second to load, and fits need none of it
+
     options = {"SymmetricMode": True}
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 

@@ -341,6 +341,43 @@ def _darken_piece(line, cuts, p, cameras, v, radius, alpha, height, width, start
                 left += 1
 
 
+@nb.njit(inline="always")
+def _chord(row, x, y, radius, width):
+    """First and last column of a row whose pixels are within ``radius`` of the point x, y; none where it is missed."""
+    away = row + 0.5 - y
+    half = sqrt(max(radius * radius - away * away, 0.0))
+    return max(0, _first(x - half - 0.5)), min(width - 1, int(floor(min(max(x + half - 0.5, -1e9), 1e9))))
+
+
+@nb.njit(**HELPER)
+def _darken_disc(x, y, r, height, width, start, spread, transmittance):
+    """Darken a disc about x, y, as `_darken_piece` does a piece."""
+    reach, end, inverse, one = r + REACH * spread, start + height * width, F(1.0 / spread), F(1.0)
+    radius, furthest = F(r), F(reach)
+    for j in range(max(0, _first(y - reach - 0.5)), min(height - 1, int(floor(min(y + reach - 0.5, 1e9)))) + 1):
+        left, last = _chord(j, x, y, reach, width)
+        up = F(j + 0.5 - y)
+        while left <= last:
+            at = start + j * width + left
+            if at + 8 <= end:
+                across, have, place = F(left + 0.5 - x), F(last + 1 - left), U(at)
+                for i in range(BLOCK):
+                    side = across + F(i)
+                    d = np.sqrt(side * side + up * up)
+                    inside = min((radius - d) * inverse, F(REACH))
+                    tail = _tail32(abs(inside))
+                    beyond = _tail32((radius + d) * inverse) if inside < F(REACH) else F(0.0)
+                    c = min((one - tail if inside > F(0.0) else tail) - beyond, F(OPAQUE))
+                    c = c if F(i) < have and d <= furthest else F(0.0)
+                    transmittance[place + i] = max(transmittance[place + i] * (one - c), F(DARK))
+                left += 8
+            else:
+                d = sqrt((left + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2)
+                c = min(_coverage(d, r, spread), OPAQUE) if d <= reach else 0.0
+                transmittance[at] = max(transmittance[at] * (1.0 - c), DARK)
+                left += 1
+
+
 @nb.njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
 def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offsets, spreads, transmittance):
     """Transmittance of all views.
@@ -383,14 +420,7 @@ def render(points, radius, opacity, joints, joint_radius, cameras, shapes, offse
             if z < 0.0:
                 continue
             r = 0.5 * (cameras[v, 12] + cameras[v, 13]) * joint_radius[k] / z
-            reach = r + REACH * spread
-            for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
-                at = start + j * width
-                for i in range(max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1):
-                    d = sqrt((i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2)
-                    if d <= reach:
-                        c = min(_coverage(d, r, spread), OPAQUE)
-                        transmittance[at + i] = max(transmittance[at + i] * (1.0 - c), DARK)
+            _darken_disc(x, y, r, height, width, start, spread, transmittance)
 
 
 @nb.njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
@@ -704,6 +734,69 @@ def _to_control_points(basis, own, cross, slope, hessian, gradient, k, v):
                             hessian[k, v, 3 * a + x, 3 * b + y] += f1 * cross[p, x, y] + f2 * cross[p, y, x]
 
 
+@nb.njit(**HELPER)
+def _add_disc(count, seen, radius, unit, spread, sums):
+    """Add to the sums of `_gather_disc` what the ``count`` pixels say that `_collect` has put into seen, with how far
+    they are from the disc's middle along rows and columns."""
+    r, one, inverse, wide = F(radius), F(1.0), F(1.0 / spread), F(unit / spread)
+    reach, core = F(radius + REACH * spread), F(max(radius - REACH * spread, 1e-9))
+    xx, xy, yy, rr = F(0.0), F(0.0), F(0.0), F(0.0)
+    a, b, c = F(0.0), F(0.0), F(0.0)
+    for i in range(_padded(count, seen)):
+        x, y, residual = seen[i], seen[ALONG + i], seen[RESIDUAL + i]
+        d = np.sqrt(x * x + y * y)
+        inside, near = _normal32((r - d) * inverse)
+        beyond, far = _normal32((-r - d) * inverse)
+        others = min(seen[TRANSMITTANCE + i] / (one - min(inside - beyond, F(OPAQUE))), one)
+        others = others if others >= F(HIDDEN) and d <= reach and d >= core else F(0.0)
+        by_place = others * (near - far) * inverse / max(d, F(1e-9))
+        by_radius = others * (near + far) * wide
+        by_x, by_y = x * by_place, y * by_place
+        xx += by_x * by_x
+        xy += by_x * by_y
+        yy += by_y * by_y
+        a += residual * by_x
+        b += residual * by_y
+        rr += by_radius * by_radius
+        c += residual * by_radius
+    sums[0] += xx
+    sums[1] += xy
+    sums[2] += yy
+    sums[3] += a
+    sums[4] += b
+    sums[5] += rr
+    sums[6] += c
+
+
+@nb.njit(inline="always")
+def _gather_disc(x, y, r, unit, height, width, start, spread, transmittance, residual, seen, sums):
+    """Moments over the pixels of a disc about x, y, into sums: w by x x, x y and y y, g by x and by y, and for the
+    radius w and g, which are those of `_gather_piece`."""
+    for i in range(7):
+        sums[i] = 0.0
+    reach, core, end, count = r + REACH * spread, r - REACH * spread, start + height * width, 0
+    for j in range(max(0, _first(y - reach - 0.5)), min(height - 1, int(floor(min(y + reach - 0.5, 1e9)))) + 1):
+        left, last = _chord(j, x, y, reach, width)
+        stop, again = last + 1, last + 1
+        if abs(j + 0.5 - y) < core:  # inside, the coverage is flat
+            first, flat = _chord(j, x, y, core, width)
+            stop, again = max(first, left), flat + 1
+        while True:
+            while left < stop:
+                if count > CHUNK - 8:
+                    _add_disc(count, seen, r, unit, spread, sums)
+                    count = 0
+                have, place = min(stop - left, 8), start + j * width + left
+                across, up = left + 0.5 - x, j + 0.5 - y
+                _collect(seen, count, across, up, F(1.0), F(0.0), transmittance, residual, place, have, end)
+                count += have
+                left += have
+            if stop > last:
+                break
+            left, stop = again, last + 1
+    _add_disc(count, seen, r, unit, spread, sums)
+
+
 @nb.njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
 def gather_joints(
     joints, joint_radius, cameras, shapes, offsets, spreads, transmittance, residual, hessian, gradient, widths
@@ -717,7 +810,8 @@ def gather_joints(
         widths[k] = 0.0
         if joint_radius[k] <= 0.0:
             continue
-        mx, my = np.empty(3), np.empty(3)
+        mx, my, sums = np.empty(3), np.empty(3), np.empty(7)
+        seen = np.empty(ROOM, dtype=np.float32)
         for v in range(cameras.shape[0]):
             spread = spreads[v]
             height, width, start = shapes[v, 0], shapes[v, 1], offsets[v]
@@ -727,33 +821,23 @@ def gather_joints(
             _pull(x, y, z, 1.0, 0.0, cameras, v, mx)
             _pull(x, y, z, 0.0, 1.0, cameras, v, my)
             r = 0.5 * (cameras[v, 12] + cameras[v, 13]) * joint_radius[k] / z
-            unit = r / joint_radius[k]
-            reach, core = r + REACH * spread, r - REACH * spread
-            hxx, hxy, hyy, gx, gy = 0.0, 0.0, 0.0, 0.0, 0.0
-            for j in range(max(0, int(floor(y - reach - 0.5))), min(height - 1, int(ceil(y + reach - 0.5))) + 1):
-                at = start + j * width
-                for i in range(max(0, int(floor(x - reach - 0.5))), min(width - 1, int(ceil(x + reach - 0.5))) + 1):
-                    ex, ey = i + 0.5 - x, j + 0.5 - y
-                    d = sqrt(ex * ex + ey * ey)
-                    if d > reach or d < core or d < 1e-9:
-                        continue
-                    through = transmittance[at + i]
-                    inside, near = _normal((r - d) / spread)
-                    beyond, far = _normal((-r - d) / spread)
-                    c = min(inside - beyond, OPAQUE)
-                    others = min(through / (1.0 - c), 1.0)
-                    if others < HIDDEN:
-                        continue
-                    by_place = others * (far - near) / spread
-                    ux, uy = -ex / d * by_place, -ey / d * by_place
-                    hxx += ux * ux
-                    hxy += ux * uy
-                    hyy += uy * uy
-                    gx += residual[at + i] * ux
-                    gy += residual[at + i] * uy
-                    by_radius = others * (near + far) / spread * unit
-                    widths[k, 0] += by_radius * by_radius
-                    widths[k, 1] += residual[at + i] * by_radius
+            _gather_disc(
+                x,
+                y,
+                r,
+                r / joint_radius[k],
+                height,
+                width,
+                start,
+                spread,
+                transmittance,
+                residual,
+                seen,
+                sums,
+            )
+            hxx, hxy, hyy, gx, gy = sums[0], sums[1], sums[2], sums[3], sums[4]
+            widths[k, 0] += sums[5]
+            widths[k, 1] += sums[6]
             at = 0 if single else v
             for a in range(3):
                 gradient[k, at, a] += gx * mx[a] + gy * my[a]
