@@ -20,7 +20,11 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-HELPER: Any = {"cache": True, "fastmath": True, "error_model": "numpy", "_nrt": False}
+ANY_ORDER = {"reassoc", "contract", "arcp", "nsz"}
+"""Sums may be taken in vector registers; that pivots are no numbers is still to be seen, as it is not with all of
+``fastmath``."""
+
+HELPER: Any = {"cache": True, "fastmath": ANY_ORDER, "error_model": "numpy", "_nrt": False}
 """Options of functions that make no array: references to arrays need not be counted in them."""
 
 B = 6
@@ -308,7 +312,7 @@ def _extend_front(front, size, waiting, top, members, begin, length, local):
                     front[to + column + c] += waiting[source + B * k + c]
 
 
-@nb.njit(cache=True, fastmath=True, error_model="numpy")
+@nb.njit(cache=True, fastmath=ANY_ORDER, error_model="numpy")
 def solve(order, fronts, bounds, members, sizes, factors, pivots, right, result):
     """Solutions (6V, M) for right sides (6V, M)."""
     count, number, sides = len(order), sizes[0], right.shape[1]
