@@ -246,3 +246,9 @@ def test_loads_along_the_axes_are_those_of_three_loads() -> None:
     along = loads_along_axes(start, end, load)
     for axis, unit in enumerate(np.eye(3)):
         np.testing.assert_allclose(along[:, :, axis], element_loads(start, end, load[:, None] * unit), atol=1e-14)
+
+
+def test_an_even_load_is_half_of_it_at_each_end_and_a_twelfth_of_its_moment() -> None:
+    """A beam of 6 mm along x under 2 N/mm downwards: q L / 2 at each end, q L^2 / 12 about y."""
+    found = element_loads(np.zeros((1, 3)), np.array([[6.0, 0.0, 0.0]]), np.array([[0.0, 0.0, -2.0]]))[0]
+    np.testing.assert_allclose(found, [0, 0, -6, 0, 6, 0, 0, 0, -6, 0, -6, 0], atol=1e-14)

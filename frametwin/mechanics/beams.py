@@ -104,11 +104,18 @@ def element_stiffness(start: np.ndarray, end: np.ndarray, sections: Sections) ->
 
 def element_loads(start: np.ndarray, end: np.ndarray, load: np.ndarray) -> np.ndarray:
     """Nodal forces and moments (N, 12) equivalent to even loads ``load`` (N, 3), N per mm of beam."""
+    return np.asarray(np.einsum("nfk,nk->nf", loads_along_axes(start, end, np.ones(len(start))), load))
+
+
+def loads_along_axes(start: np.ndarray, end: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """`element_loads` (N, 12, 3) of even loads ``load`` (N,), N per mm of beam, along each of the world's axes."""
     axis = end - start
-    length = np.linalg.norm(axis, axis=1)[:, None]
-    force = load * length / 2.0
-    moment = np.cross(axis, load) * length / 12.0
-    return np.concatenate([force, moment, force, -moment], axis=1)
+    whole = (load * np.linalg.norm(axis, axis=1))[:, None, None]
+    result = np.empty((len(axis), 12, 3))
+    result[:, 0:3] = result[:, 6:9] = whole / 2.0 * np.eye(3)
+    result[:, 3:6] = whole / 12.0 * cross_matrix(axis)
+    result[:, 9:12] = -result[:, 3:6]
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,17 +177,6 @@ class Chains:
         inner = self.inner_load - np.einsum("mie,me->mi", self.inner_ends, ends)
         nodes = np.concatenate([ends[:, :6], inner, ends[:, 6:]], axis=1)
         return nodes.reshape(len(ends), -1, 6)
-
-
-def loads_along_axes(start: np.ndarray, end: np.ndarray, load: np.ndarray) -> np.ndarray:
-    """`element_loads` (N, 12, 3) of even loads ``load`` (N,), N per mm of beam, along each of the world's axes."""
-    axis = end - start
-    whole = (load * np.linalg.norm(axis, axis=1))[:, None, None]
-    result = np.empty((len(axis), 12, 3))
-    result[:, 0:3] = result[:, 6:9] = whole / 2.0 * np.eye(3)
-    result[:, 3:6] = whole / 12.0 * cross_matrix(axis)
-    result[:, 9:12] = -result[:, 3:6]
-    return result
 
 
 def assemble(stiffness: np.ndarray, edges: np.ndarray, node_count: int) -> sparse.csc_matrix:

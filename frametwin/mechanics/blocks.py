@@ -80,9 +80,7 @@ class BlockPattern:
     def _indices(self) -> np.ndarray:
         """Rows of all entries."""
         high = np.diff(self.starts)
-        block = (
-            np.repeat(BLOCK * self.starts[:-1], BLOCK * high) // BLOCK
-        )  # of each row of a column of blocks its first
+        block = np.repeat(self.starts[:-1], BLOCK * high)  # of each row of a column of blocks its first
         within = np.arange(BLOCK * len(self.rows)) - BLOCK * block
         rows = BLOCK * self.rows[block + within // BLOCK] + within % BLOCK
         parts = np.split(rows.astype(np.int32), BLOCK * self.starts[1:-1])

@@ -17,9 +17,10 @@ from frametwin.printing.adaptation.material_fit import MaterialFit
 from frametwin.printing.adaptation.rest_of_print import PrintStep, drift_between, remaining_movement
 from frametwin.printing.process.creep import PrintState
 
-ROUNDS, VAIN_ROUNDS = 30, 2
-"""Most forecasts for one aim, and of those that are no better than the one before; where the last aim was good, one
-does, and the first aim of a print that sags by several struts' widths takes many."""
+ROUNDS, LEAST_SHARE = 30, 0.2
+"""Most forecasts for one aim, and the share of what it is off below which it is not moved: each round that is no better
+than the best one halves it. Where the last aim was good, one round does; the first aim of a print that sags by several
+struts' widths takes many."""
 
 CLOSE_ENOUGH, NEARLY = 0.1, 0.5
 """Root of the mean square in mm of what an aim is off by the forecast, below which it is left as it is, and below which
@@ -102,7 +103,7 @@ def _joint_aims(
     trust = fit.trust
     cap, limit = STEP_SHARE * float(np.median(design.lengths)), LIMIT_SHARE * design.extent
     best, left, wanted, bowed = targets, np.inf, targets, np.zeros((design.strut_count, 2, 3))
-    share, tried, vain = 1.0, targets, 0
+    share, tried = 1.0, targets
     for _ in range(ROUNDS):
         moved, bows = remaining_movement(fit, _at(state, tried), steps)
         goal = design.vertices - trust * moved
@@ -110,8 +111,8 @@ def _joint_aims(
         if off < left:
             best, left, wanted, bowed = tried, off, goal, bows
         else:
-            share, vain = 0.5 * share, vain + 1
-        if left < CLOSE_ENOUGH or vain > VAIN_ROUNDS:
+            share *= 0.5
+        if left < CLOSE_ENOUGH or share < LEAST_SHARE:
             break
         tried = best + _no_longer_than(share * (wanted - best), cap)
         tried = design.vertices + _no_longer_than(tried - design.vertices, limit)
