@@ -4,8 +4,9 @@ Cameras are told with the errors of a good calibration (0.05 degrees, 0.3 mm), j
 material differs from print to print by up to 30 % in each of flow, hardening, rest and stiffness along the strut.
 ``first`` knows nothing of the material, ``forecast`` what some earlier prints of the frame with other seeds have told,
 one after the other, ``coupon`` lays a test coupon first and knows nothing else, ``both`` has a coupon and earlier
-prints, and ``paper`` is adaptation that neither anticipates nor compensates. Lost struts are laid again in
-all of them. The simulated print knows nothing of twins or forecasts, and the job sees nothing but pictures.
+prints, ``supported`` has a few columns besides, which are cut off in the end, and ``paper`` is adaptation that neither
+anticipates nor compensates. Lost struts are laid again in all of them. The simulated print knows nothing of twins or
+forecasts, and the job sees nothing but pictures.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ from scripts.evidence.scenes import frame_files
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "mars_bubble", "Femur", "lattice_tower", "simple_frame", "fertility")
 COUPON = 20
 """Struts, as ``--coupon`` has it."""
+SUPPORTS = 6
+"""Columns, as ``--supports`` has it."""
 
 WAYS: dict[str, dict[str, Any]] = {
     "paper": {"anticipate": False, "compensate": False},
@@ -47,8 +50,9 @@ WAYS: dict[str, dict[str, Any]] = {
     "forecast": {},
     "coupon": {"coupon": COUPON},
     "both": {"coupon": COUPON},
+    "supported": {"coupon": COUPON, "supports": SUPPORTS},
 }
-INFORMED = ("forecast", "both")
+INFORMED = ("forecast", "both", "supported")
 """Ways that know of earlier prints."""
 
 EARLIER = 1_000_000

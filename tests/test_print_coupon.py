@@ -125,7 +125,7 @@ def test_a_coupon_outside_of_the_workspace_is_named(tmp_path: Path) -> None:
 def test_a_frame_in_place_of_the_number_is_told_of(tmp_path: Path) -> None:
     command = ["print", "plan", "--coupon", "bridge.json", "--out", str(tmp_path / "job")]
     said = CliRunner().invoke(cli, command)
-    assert said.exit_code == 2 and "'bridge.json' is no number of struts" in said.output
+    assert said.exit_code == 2 and "'bridge.json' is no number" in said.output
     assert "1000" in CliRunner().invoke(cli, [*command[:2], "bridge", *command[4:], "--coupon", "5000"]).output
 
 
@@ -200,7 +200,7 @@ def test_a_print_is_judged_without_it(tmp_path: Path) -> None:
 
 
 def simulated_scale(job: PrintJob, seed: int) -> float:
-    return GrowingPrint(job.design, job.sequence_at(0), seed=seed, coupon=job.settings.coupon).scale
+    return GrowingPrint(job.design, job.sequence_at(0), seed=seed, added=job.settings.coupon).scale
 
 
 def test_a_strut_of_it_that_falls_over_does_not_mislead() -> None:

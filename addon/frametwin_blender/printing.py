@@ -92,7 +92,7 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
 
 def _order_of(settings: bpy.types.PropertyGroup) -> dict[str, int]:
     """What the panel says of the order, as options of a plan; 0 leaves an option as it is."""
-    return {name: value for name in ("batch_size", "coupon") if (value := int(getattr(settings, name)))}
+    return {name: value for name in ("batch_size", "coupon", "supports") if (value := int(getattr(settings, name)))}
 
 
 def words_of(answer: dict) -> str:
@@ -301,6 +301,7 @@ class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
         field(column, context, settings, "seed")
         field(column, context, settings, "batch_size")
         field(column, context, settings, "coupon")
+        field(column, context, settings, "supports")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context)
             layout.operator("frametwin.simulate_print", text="Simulate Print", icon="PLAY")

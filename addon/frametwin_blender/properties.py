@@ -261,6 +261,12 @@ class FrameTwinPrint(bpy.types.PropertyGroup):
         max=1000,
         description="Single struts laid around the plan first, whose droop tells of the material; 20 do well",
     )
+    supports: IntProperty(  # type: ignore[valid-type]
+        name="Supports",
+        min=0,
+        max=100,
+        description="Columns printed along, below joints that would sag, and cut off in the end; 6 do well",
+    )
     first_batch: IntProperty(name="From", min=0, description="Batch to compare with")  # type: ignore[valid-type]
     second_batch: IntProperty(  # type: ignore[valid-type]
         name="To", min=0, default=1, description="Batch that is coloured by its distance from the other"

@@ -207,6 +207,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "Radius Guessed": ("Radius geschätzt", "半径は推定"),
     "Strut": ("Stab", "部材"),
     "Suitable Colours": ("Passende Farben", "適した色"),
+    "Supports": ("Stützen", "サポート"),
     "Sure": ("Sicher", "確か"),
     "Up to Batch": ("Bis Abschnitt", "表示するバッチまで"),
     "Whole": ("Ganz", "完全"),

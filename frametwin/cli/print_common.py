@@ -118,14 +118,17 @@ def order_options(function: Function) -> Function:
 COUPON = 20
 """Struts of a coupon: each flows by 30 % faster or slower than the others, their mean by 7."""
 
+SUPPORTS = 6
+"""Columns below joints that sag: simulated prints of 70 to 250 struts came out half as far off with them."""
 
-class StrutCount(click.IntRange):
-    """Struts of a coupon. The number may be left out, so that what follows may be meant for something else."""
+
+class OptionalCount(click.IntRange):
+    """A number that may be left out, so that what follows may be meant for something else."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """See `click.ParamType.convert`."""
         if isinstance(value, str) and not value.strip().lstrip("+-").isdecimal():
-            self.fail(f"{value!r} is no number of struts; give one, or put the option last", param, ctx)
+            self.fail(f"{value!r} is no number; give one, or put the option last", param, ctx)
         return super().convert(value, param, ctx)
 
 
@@ -156,13 +159,23 @@ def loop_options(function: Function) -> Function:
             ),
             click.option(
                 "--coupon",
-                type=StrutCount(0, 1000),
+                type=OptionalCount(0, 1000),
                 is_flag=False,
                 flag_value=COUPON,
                 default=0,
                 metavar="[STRUTS]",
                 help="First lay so many single struts around the frame, which droop and tell of the material.  "
                 f"[default: none; {COUPON} where no number is given]",
+            ),
+            click.option(
+                "--supports",
+                type=OptionalCount(0, 100),
+                is_flag=False,
+                flag_value=SUPPORTS,
+                default=0,
+                metavar="[COLUMNS]",
+                help="Print temporary supports, so many columns from the plate to the joints that would sag furthest.  "
+                f"[default: none; {SUPPORTS} where no number is given]",
             ),
             click.option(
                 "--reprint/--no-reprint",

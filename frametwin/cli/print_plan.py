@@ -29,6 +29,7 @@ from frametwin.cli.print_common import (
     split_nozzle,
     steering,
 )
+from frametwin.wording import enumerated
 
 
 @click.command("plan", short_help="Plan the order of a frame and write a job with its first batch.")
@@ -96,6 +97,7 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
       frametwin print plan femur.json --out out/job --batch-size 40 --base 400,0,20 --workspace 150,-400,0,900,400,600
       frametwin print plan FRAME --out out/job --robot ur10e --tool 210
       frametwin print plan FRAME --out out/job --coupon
+      frametwin print plan FRAME --out out/job --supports 4
       frametwin print plan tower.json --out out/job --order pychoreo_plan.json --max-tilt 0 --formats gcode
     """
     check_output_folder(out, overwrite, "job.json")
@@ -121,12 +123,16 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
         print_json({"out": out, **data, "outlook": None if told is None else told.as_dict()})
         return
     reach, arm = data["first"]["reach"], job.settings.robot.arm
-    coupon = f" ({data['coupon']} of them a coupon)" if data["coupon"] else ""
+    added = ((data["coupon"], "a coupon"), (data["support_struts"], "temporary supports"))
+    others = " and ".join(f"{count} of them {what}" for count, what in added if count)
+    struts = f"{data['struts']} struts{others and f' ({others})'} in {data['batches']} batches"
+    columns = [("supports", f"columns below joints {enumerated(data['supported'])}; cut them off when all has cooled")]
     low, high = (", ".join(f"{value:.0f}" for value in corner) for corner in data["workspace"])
     print_facts(
         f"job: {out}",
         [
-            ("frame", f"{data['frame']}, {data['struts']} struts{coupon} in {data['batches']} batches"),
+            ("frame", f"{data['frame']}, {struts}"),
+            *(columns if data["supported"] else []),
             ("workspace", f"from ({low}) to ({high}) mm in the robot's base, up to {data['max_speed']:g} mm/s"),
             ("first batch", f"{data['first']['struts']} struts, {data['first']['seconds'] / 60.0:.0f} min of printing"),
             *([] if arm is None else [("reach", f"a {ARMS[arm].name} takes all waypoints of it ({reach})")]),

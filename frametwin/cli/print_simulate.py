@@ -83,6 +83,7 @@ class SimulateOptions:
     compensate: bool | None
     material: Path | None
     coupon: int
+    supports: int
     reprint: bool | None
     seed: int
     render: str
@@ -106,7 +107,7 @@ class SimulateOptions:
     @property
     def plan(self) -> dict[str, Any]:
         """Fields of `frametwin.printing.job.plan_job.PlanOptions`."""
-        names = ("batch_size", "max_tilt_deg", "coupon", *NOZZLE)
+        names = ("batch_size", "max_tilt_deg", "coupon", "supports", *NOZZLE)
         reprint = not self.blind if self.reprint is None else self.reprint
         return {
             **steering(self.way, self.anticipate, self.compensate, not self.blind),

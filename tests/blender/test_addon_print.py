@@ -131,12 +131,13 @@ def test_a_simulated_print_that_is_cancelled_leaves_no_folder(tab: Any, scene: A
 
 
 def test_a_job_for_a_robot_is_planned_and_shown_where_nothing_is_printed(tab: Any, scene: Any) -> None:
-    tab.print.coupon = 6
+    tab.print.coupon, tab.print.supports = 6, 1
     ops.plan_print()
     words = cases.pump_until_done(200.0)
     job = Path(tab.print.job)
-    assert read_json(job / "job.json")["settings"]["coupon"] == 6
-    assert frame_json.read(job / "design.json").strut_count == 76 + 6
+    settings = read_json(job / "job.json")["settings"]
+    assert settings["coupon"] == 6 and settings["support_struts"] >= 1
+    assert frame_json.read(job / "design.json").strut_count == 76 + settings["support_struts"] + 6
     assert "print its first batch" in words and list((job / "batches" / "000" / "waypoints").iterdir())
     assert not ops.answer_print.poll()
     ops.show_job()

@@ -296,7 +296,7 @@ def _continuation(step: AnsweredStep, found: _Found | None, options: AnswerOptio
         return Continuation(step.expected.frame, sequence, none)
     again = none
     if step.settings.reprint if options.reprint is None else options.reprint:
-        wanted = step.settings.of_frame(step.design) & ~found.adapted.printed
+        wanted = step.settings.of_print(step.design) & ~found.adapted.printed
         again = np.setdiff1d(sequence.struts[sequence.batch <= batch], np.flatnonzero(~wanted))
         sequence = laid_again(sequence, again, batch)
     frame, laid = step.expected.frame, len(step.expected.laid)

@@ -11,7 +11,7 @@ from frametwin.printing.adaptation.aiming import aimed, expected_drift
 from frametwin.printing.adaptation.material_fit import BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.rest_of_print import PrintStep, resized_steps, steps_of
-from frametwin.printing.process.coupon import struts_of_frame
+from frametwin.printing.process.coupon import without_last
 from frametwin.printing.process.creep import CreepModel, PrintState
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
@@ -106,7 +106,7 @@ class CreepForecast:
         if resize and self.fit.trust >= LEAST_TRUST:
             at = replace(state, points=np.where(state.there[:, None], state.points, start))
             steps = resized_steps(self.fit, at, steps, self._size_in)
-        own = struts_of_frame(self.design.strut_count, self.coupon)
+        own = without_last(self.design.strut_count, self.coupon)
         return aimed(self.design, self.plan, start, self.fit, state, steps, own)
 
     def resized(self, sequence: PrintSequence, batch: int) -> PrintSequence:

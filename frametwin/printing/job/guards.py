@@ -14,7 +14,7 @@ from frametwin.fitting.judgement import FAR
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.job.batch_capture import BatchCapture
-from frametwin.printing.process.coupon import struts_of_frame
+from frametwin.printing.process.coupon import without_last
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.ranges import above, between, check_settings, within
 from frametwin.raster.silhouette import silhouettes
@@ -128,7 +128,7 @@ class Expectation:
     @property
     def of_frame(self) -> np.ndarray:
         """(E,) bool: struts that are not those of a coupon."""
-        return struts_of_frame(self.frame.strut_count, self.coupon)
+        return without_last(self.frame.strut_count, self.coupon)
 
     @property
     def laid(self) -> np.ndarray:

@@ -89,9 +89,10 @@ class PrintJob:
         self.design: Wireframe = frame_json.read(self.folder / files.DESIGN)
         self._first_sequence: PrintSequence = read_sequence(self.folder / files.SEQUENCE)
         self._first_sequence.end_in(self.design)
-        if self.settings.coupon >= self.design.strut_count:
-            problem = f"is {self.settings.coupon}, and there are only {self.design.strut_count} struts in all"
-            raise InputError.at(self.folder / files.JOB, "settings.coupon", problem, "plan the job again")
+        for name in ("coupon", "support_struts"):
+            if self.settings.added >= self.design.strut_count and (count := getattr(self.settings, name)):
+                problem = f"is {count}, and there are only {self.design.strut_count} struts in all"
+                raise InputError.at(self.folder / files.JOB, f"settings.{name}", problem, "plan the job again")
         self._forecasts: dict[int, CreepForecast] = {}
         self._observed: dict[int, Observation] = {}
         self._ready: tuple[int, Any, AnsweredStep] | None = None

@@ -37,7 +37,7 @@ from frametwin.files import check_format, file_hash, read_json, write_json
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.guards import GuardLimits
-from frametwin.printing.process.coupon import struts_of_frame
+from frametwin.printing.process.coupon import without_last
 from frametwin.printing.toolpath.robot_files import RobotSettings
 from frametwin.ranges import at_least, check_settings, one_of
 
@@ -86,6 +86,9 @@ class JobSettings:
     coupon
         How many of the last struts are a test coupon, by which no print is judged; see
         `frametwin.printing.process.coupon`.
+    support_struts
+        How many struts before those are pieces of temporary supports, by which no print is judged either; see
+        `frametwin.printing.process.supports`.
 
     Raises
     ------
@@ -103,6 +106,7 @@ class JobSettings:
     cameras: Annotated[str, one_of(CAMERAS)] = "auto"
     limits: GuardLimits = field(default_factory=GuardLimits)
     coupon: Annotated[int, at_least(0)] = 0
+    support_struts: Annotated[int, at_least(0)] = 0
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -111,8 +115,17 @@ class JobSettings:
                 raise InputError.at("settings", name, "needs twins to go by", "let the job adapt, or leave it out")
 
     def of_frame(self, design: Wireframe) -> np.ndarray:
-        """(E,) bool: struts of the frame itself, without those of a coupon."""
-        return struts_of_frame(design.strut_count, self.coupon)
+        """(E,) bool: struts of the frame itself, without those of supports and a coupon."""
+        return without_last(design.strut_count, self.added)
+
+    def of_print(self, design: Wireframe) -> np.ndarray:
+        """(E,) bool: struts that have to stand while the print goes on: those of the frame and of its supports."""
+        return without_last(design.strut_count, self.coupon)
+
+    @property
+    def added(self) -> int:
+        """How many of the last struts are not the frame's."""
+        return self.coupon + self.support_struts
 
     def as_dict(self) -> dict[str, Any]:
         """As for a JSON file."""
@@ -129,7 +142,8 @@ class JobSettings:
             If a setting is missing, unknown or of another kind.
         """
         # Jobs that were planned before there were these choices do what they did then.
-        data = {"anticipate": False, "cameras": "exact", "forecast": "linear", "resize": False, "coupon": 0, **data}
+        former = {"anticipate": False, "cameras": "exact", "forecast": "linear", "resize": False}
+        data = {**former, "coupon": 0, "support_struts": 0, **data}
         missing = [item.name for item in fields(cls) if item.name not in data]
         if missing:
             raise InputError.at(source, f"settings.{missing[0]}", "is missing", "plan the job again")

@@ -20,11 +20,12 @@ from frametwin.printing.job.creep_forecast import UNTRUSTED_SIZE, CreepForecast
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
-from frametwin.printing.process.coupon import with_coupon, without_coupon
+from frametwin.printing.process.coupon import frame_alone, with_coupon
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
+from frametwin.printing.sequencing.supporting import supported_frame
 from frametwin.printing.toolpath.robot_files import ArmName, Formats, RobotSettings, ToolLength, check_arm
 from frametwin.printing.toolpath.waypoints import WaypointSettings
 from frametwin.printing.toolpath.workspace import ROUNDING, Workspace
@@ -68,6 +69,8 @@ class PlanOptions:
         The arm, and the length of its tool in mm; see `frametwin.printing.toolpath.robot_files.RobotSettings`.
     coupon
         Struts of a test coupon that are laid around the frame first; see `frametwin.printing.process.coupon`.
+    supports
+        Columns at most, under the joints that would sag furthest; see `frametwin.printing.process.supports`.
     adapt, anticipate, compensate, reprint, cameras
         See `JobSettings`; a job that does not adapt does not anticipate
         or compensate either.
@@ -94,6 +97,7 @@ class PlanOptions:
     robot: ArmName | None = None
     tool: ToolLength | None = None
     coupon: Annotated[int, within(0, 1000)] = 0
+    supports: Annotated[int, within(0, 100)] = 0
     adapt: bool = True
     anticipate: bool = True
     compensate: bool = True
@@ -193,8 +197,8 @@ def plan_job(
     Raises
     ------
     InputError
-        If the frame cannot be printed, or would not stand by what is known of its material, something is outside of the
-        workspace, or the folder cannot be written.
+        If the frame cannot be printed or supported, or would not stand by what is known of its material, something is
+        outside of the workspace, or the folder cannot be written.
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
@@ -203,13 +207,18 @@ def plan_job(
     settings = options.job(design, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
     given = order_of_frame(frame) if order is None else read_given_order(order, frame)
     cut = order is None or options.batch_size is not None or (given is not None and given.batch is None)
+    if options.supports:
+        alone = plan_order(frame, ordering, given, cut, progress)
+        supported, given = supported_frame(frame, alone, options.supports, ordering, progress)
+        settings = replace(settings, support_struts=supported.strut_count - frame.strut_count)
+        design, cut = options.design(supported, known), False
     if options.coupon:
-        coupon = np.flatnonzero(~settings.of_frame(design))
+        coupon = np.flatnonzero(~settings.of_print(design))
         require_room(design, coupon, settings.robot.workspace)
         given = (GivenOrder(source=frame.name) if given is None else given).after(design, coupon, UNTRUSTED_SIZE)
     sequence = plan_order(design, ordering, given, cut, progress)
     if known is not None:
-        require_standing(*without_coupon(design, sequence, options.coupon), known, settings.compensate)
+        require_standing(*frame_alone(design, sequence, options.coupon), known, settings.compensate)
     report(progress, Progress("writing", 0, 1))
     return PrintJob.create(folder, design, sequence, settings, notes, overwrite, known)
 
@@ -269,7 +278,7 @@ def require_standing(
 def guessed_outlook(job: PrintJob, progress: ProgressCallback | None = None) -> Outlook:
     """Whether a print would stand in a material of which nothing is known yet: a warning at most."""
     report(progress, Progress("computing the print", 0, 1))
-    frame, sequence = without_coupon(job.design, job.sequence, job.settings.coupon)
+    frame, sequence = frame_alone(job.design, job.sequence, job.settings.coupon)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
     return outlook(CreepForecast.start(frame).fit, frame, batches)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from frametwin.printing.job.job import BatchState, PrintJob
+from frametwin.printing.process.supports import columns_of
 
 
 def plan_summary(job: PrintJob) -> dict[str, Any]:
@@ -15,12 +16,20 @@ def plan_summary(job: PrintJob) -> dict[str, Any]:
         "frame": job.design.name,
         "struts": job.design.strut_count,
         "coupon": job.settings.coupon,
+        "support_struts": job.settings.support_struts,
+        "supported": supported_joints(job),
         "batches": job.file.batches,
         "batch_sizes": [state.struts for state in job.states()],
         "workspace": [workspace.lower, workspace.upper],
         "max_speed": workspace.max_speed,
         "first": {**summary, "struts": len(summary["struts"])},
     }
+
+
+def supported_joints(job: PrintJob) -> list[int]:
+    """Vertices of the design that have a column below them, in their order."""
+    pieces = job.settings.support_struts
+    return sorted(columns_of(job.design, job.design.strut_count - job.settings.added, pieces))
 
 
 def answer_summary(job: PrintJob, report: dict[str, Any]) -> dict[str, Any]:

@@ -77,14 +77,14 @@ def with_coupon(frame: Wireframe, count: int, weight: float = 1.0, doubt: float 
     )
 
 
-def struts_of_frame(count: int, coupon: int) -> np.ndarray:
-    """(E,) bool: which of ``count`` struts are the frame's own, the last ``coupon`` ones being those of a coupon."""
-    return np.arange(count) < count - coupon
+def without_last(count: int, others: int) -> np.ndarray:
+    """(E,) bool: which of ``count`` struts are a frame's own, the last ``others`` being of a coupon or supports."""
+    return np.arange(count) < count - others
 
 
-def without_coupon(design: Wireframe, sequence: PrintSequence, coupon: int) -> tuple[Wireframe, PrintSequence]:
-    """The frame alone of a design whose last struts are a coupon, and the order of its struts."""
-    own = struts_of_frame(design.strut_count, coupon)
+def frame_alone(design: Wireframe, sequence: PrintSequence, others: int) -> tuple[Wireframe, PrintSequence]:
+    """The frame of a design whose last struts are a coupon or supports, and the order of its struts."""
+    own = without_last(design.strut_count, others)
     frame, vertices = design.subset(own)
     return frame, sequence.part(own, vertices)
 

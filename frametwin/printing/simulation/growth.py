@@ -15,7 +15,7 @@ from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.sag import moved_frame
 from frametwin.printing.process.calibration import own_weight, stiffness_between, weight_scale
-from frametwin.printing.process.coupon import struts_of_frame, without_coupon
+from frametwin.printing.process.coupon import frame_alone, without_last
 from frametwin.printing.process.material import PrintSettings, ProcessVariation
 from frametwin.printing.process.settling import bent_ends, settled
 from frametwin.printing.records.sequence import PrintSequence
@@ -45,9 +45,9 @@ class GrowingPrint:
         Takes the place of what the seed would draw.
     scale
         Factor on the weight; `weight_scale` by default.
-    coupon
-        How many of the last struts are a test coupon, by which the print is not judged, and which does not count where
-        the weight is scaled; see `frametwin.printing.process.coupon`.
+    added
+        How many of the last struts are a test coupon or temporary supports, by which the print is not judged, and which
+        do not count where the weight is scaled; see `frametwin.printing.process.coupon`.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class GrowingPrint:
         *,
         variation: ProcessVariation | None = None,
         scale: float | None = None,
-        coupon: int = 0,
+        added: int = 0,
     ) -> None:
         sequence.end_in(design)
         self.design, self.sequence = design, sequence
@@ -72,8 +72,8 @@ class GrowingPrint:
         if variation is None:
             variation = ProcessVariation.draw(design.strut_count, self.settings, seed)
         self.variation = variation
-        self._judged = struts_of_frame(design.strut_count, coupon)
-        alone = without_coupon(design, sequence, coupon)
+        self._judged = without_last(design.strut_count, added)
+        alone = frame_alone(design, sequence, added)
         self.scale = weight_scale(*alone, self.settings) if scale is None else scale
         self.settings = self.settings.of_print(seed)
         self.outcomes: list[BatchOutcome] = []

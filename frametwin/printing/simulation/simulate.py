@@ -108,6 +108,7 @@ class SimulatedPrint:
             "frame": self.job.design.name,
             "struts": self.job.design.strut_count,
             "coupon": self.job.settings.coupon,
+            "support_struts": self.job.settings.support_struts,
             "batches": self.job.file.batches,
             "adapted": self.job.settings.adapt,
             "completed": report.completed,
@@ -168,7 +169,7 @@ def simulate_print(
     options.rig.require(renderer)
     options.answer  # noqa: B018  refuses unknown names before anything is done
     job = _job_in(Path(folder), frame, options, order, material, overwrite, progress)
-    grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed, coupon=job.settings.coupon)
+    grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed, added=job.settings.added)
     # The matrices are small: threads of the linear algebra would wait for each other.
     with threadpool_limits(limits=1, user_api="blas"):
         held = _go_on(job, grown, options, renderer, progress)
@@ -229,9 +230,9 @@ def _job_in(
 
 
 def _prints(job: PrintJob, frame: Wireframe) -> bool:
-    """Whether a job is one of a frame, with a coupon or without."""
+    """Whether a job is one of a frame, with supports and a coupon or without."""
     design, struts, joints = job.design, frame.strut_count, frame.vertex_count
-    if design.name != frame.name or design.strut_count != struts + job.settings.coupon:
+    if design.name != frame.name or design.strut_count != struts + job.settings.added:
         return False
     batch = design.batch[:struts] - design.batch[:struts].min()
     pairs = (
