@@ -29,6 +29,7 @@ from frametwin.printing.job import job as job_module
 from frametwin.printing.job import plan_job as plan_module
 from frametwin.printing.job.answer import AnswerOptions
 from frametwin.printing.job.job import JobBusy, PrintJob
+from frametwin.printing.records.history import read_history
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.reachability import OrderSettings
@@ -365,6 +366,30 @@ def test_a_lost_strut_is_laid_again(cantilevers: tuple[PrintJob, LeaningPrint], 
     advance(PrintJob(job.folder), real, tmp_path, 1)
     assert job.adapted(batch + 1).printed[strut] and job.report(batch + 1)["lost"] == []
     assert len(np.unique(job.sequence.struts)) == job.design.strut_count
+
+
+def test_a_batch_of_which_every_strut_fell_is_laid_again(
+    cantilevers: tuple[PrintJob, LeaningPrint], tmp_path: Path
+) -> None:
+    job, real = cantilevers
+    advance(job, real, tmp_path, 3)
+    fallen = job.sequence.in_batch(3).struts
+    before = real.printed.copy()
+    print_batch(job, real)
+    real.printed[:] = before
+    capture = real.take(tmp_path / "fallen", real.standing())
+    wanted = AnswerOptions(reprint=True)
+    with pytest.raises(Held, match="wrong-batch"):  # they may be pictures of the moment before
+        job.answer(capture, wanted)
+    report = job.answer(capture, AnswerOptions(reprint=True, accept=frozenset({"wrong-batch", "lost-struts"})))
+    assert report["again"] == sorted(fallen) and job.current == 4
+    job = PrintJob(job.folder)
+    assert set(fallen) <= set(job.sequence.in_batch(4).struts)
+    while job.current is not None:
+        advance(job, real, tmp_path, 1)
+    assert job.adapted(job.answered - 1).printed.all()
+    assert [state.struts > 0 for state in job.states()] == [True] * job.sequence.batch_count
+    assert read_history(job.folder).batches[3].laid.tolist() == fallen.tolist()
 
 
 # --- killed, and going on

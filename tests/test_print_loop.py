@@ -200,6 +200,14 @@ def test_a_batch_of_which_nothing_is_left_cannot_be_laid_again(half: tuple[Wiref
         laid_again(sequence, np.arange(12), 0)
 
 
+def test_a_later_batch_of_which_nothing_is_left_leaves_its_number_out(half: tuple[Wireframe, PrintSequence]) -> None:
+    _, sequence = half
+    last = sequence.in_batch(1).struts
+    again = laid_again(sequence, last, 1)
+    assert again.batch_count == 3 and again.in_batch(2).struts.tolist() == last.tolist()
+    assert 1 not in again.batch and again.in_batch(0).struts.tolist() == sequence.in_batch(0).struts.tolist()
+
+
 def test_what_is_lost_in_the_last_batch_makes_one_more(half: tuple[Wireframe, PrintSequence]) -> None:
     _, sequence = half
     again = laid_again(sequence, np.array([14, 3]), 1)

@@ -16,6 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from filelock import FileLock, Timeout
 from threadpoolctl import threadpool_limits
 
@@ -119,6 +120,8 @@ class PrintJob:
             robot may not go.
         """
         sequence.end_in(design)
+        if (np.diff(sequence.batch) > 1).any():
+            raise InputError.at(design.name, "batch", "leaves numbers out", "number the batches 0, 1, 2 ...")
         plan = design.replace(printed=[False] * design.strut_count)
         with staged_directory(folder, overwrite) as stage:
             frame_json.write(stage / files.DESIGN, plan.replace(printed=[True] * design.strut_count))

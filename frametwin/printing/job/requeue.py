@@ -23,16 +23,14 @@ def laid_again(sequence: PrintSequence, struts: np.ndarray, batch: int) -> Print
     Raises
     ------
     InputError
-        If nothing of a batch would be left in its place: the print has collapsed.
+        If nothing of the first batch would be left in its place, or nothing at all: the print has collapsed.
     """
     if len(struts) == 0:
         return sequence
     chosen = np.isin(sequence.struts, struts)
-    left = np.unique(sequence.batch[~chosen & (sequence.batch <= batch)])
-    if len(left) != batch + 1:
-        empty = int(np.setdiff1d(np.arange(batch + 1), left)[0])
+    if chosen[sequence.batch == 0].all():
         remedy = "clear the plate, and print from the start"
-        raise InputError.at("sequence", "batch", f"every strut of batch {empty} is lost", remedy)
+        raise InputError.at("sequence", "batch", "every strut of batch 0 is lost", remedy)
     before = np.flatnonzero(~chosen & (sequence.batch <= batch))
     again, after = np.flatnonzero(chosen), np.flatnonzero(sequence.batch > batch)
     order = np.concatenate([before, again, after])
