@@ -12,6 +12,7 @@ from then on, and are expected to go on like that.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -168,7 +169,7 @@ class MaterialFit:
             tuple(self.values[: len(GLOBAL)].tolist()), tuple(deviation.tolist()), self.known.prints
         )
 
-    @property
+    @cached_property
     def parameters(self) -> CreepParameters:
         """The material as it is taken to be."""
         count = self.model.design.strut_count
@@ -183,7 +184,7 @@ class MaterialFit:
             (self.values[1:3, None] + own[1:]).T,
         )
 
-    @property
+    @cached_property
     def trust(self) -> float:
         """Share of a forecast that is acted upon, 0..1.
 
@@ -314,16 +315,16 @@ class MaterialFit:
         """
         if step.factor is None:
             return
-        moved = step.moved.ravel()
+        moved, free, freedoms = step.moved.ravel(), step.standing.free, step.standing.freedoms
         where = np.full(len(moved), -1)
-        where[step.free] = np.arange(len(step.free))
-        unit = np.zeros((len(step.free), len(rows)))
+        where[free] = np.arange(len(free))
+        unit = np.zeros((len(free), len(rows)))
         there = np.flatnonzero(where[rows] >= 0)
         unit[where[rows[there]], there] = 1.0
         adjoint = np.zeros((len(moved), len(rows)))
-        adjoint[step.free] = step.factor.solve(unit)
-        ends = adjoint[step.freedoms]  # (N, 12, R)
-        bent = moved[step.freedoms][:, :, None]
+        adjoint[free] = step.factor.solve(unit)
+        ends = adjoint[freedoms]  # (N, 12, R)
+        bent = moved[freedoms][:, :, None]
         loads = np.concatenate([step.stiffness @ bent, step.sideways, step.along @ bent], axis=2)  # (N, 12, 4)
         speed, *pull, along = (loads.transpose(0, 2, 1) @ ends).transpose(1, 0, 2)  # each (N, R)
         flows = [self._flow_slope(parameters, step, name) for name in ("hardening", "rest")]
@@ -333,7 +334,7 @@ class MaterialFit:
         if len(self.values) > len(GLOBAL):
             count = self.model.design.strut_count
             for block, part in enumerate((speed, *pull)):
-                slope[place[len(GLOBAL) + block * count + step.struts]] += part
+                slope[place[len(GLOBAL) + block * count + step.standing.struts]] += part
 
     def _flow_slope(self, parameters: CreepParameters, step: CreepStep, name: str, change: float = 1e-4) -> np.ndarray:
         """Derivative (N,) of the logarithm of the struts' flow by the logarithm of a parameter."""

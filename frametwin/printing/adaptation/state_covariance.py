@@ -44,11 +44,14 @@ class StateCovariance:
         return result
 
     def of(self, rows: np.ndarray) -> np.ndarray:
-        """(R, R) covariance of some rows (R,), rising; a new array."""
-        _, here, there = np.intersect1d(rows, self.rows, assume_unique=True, return_indices=True)
-        result = np.zeros((len(rows), len(rows)))
-        np.fill_diagonal(result, self.alone[rows])
-        result[np.ix_(here, here)] = self.among[np.ix_(there, there)]
+        """(R, R) covariance of some rows (R,); a new array."""
+        if not len(self.rows):
+            return np.diag(self.alone[rows])
+        place = np.minimum(np.searchsorted(self.rows, rows), len(self.rows) - 1)
+        result = self.among.take(place, axis=0).take(place, axis=1)  # much faster than by rows and columns at once
+        own = np.flatnonzero(self.rows[place] != rows)
+        result[own], result[:, own] = 0.0, 0.0
+        result[own, own] = self.alone[rows[own]]
         return result
 
     def with_independent(self, rows: np.ndarray, variance: float) -> StateCovariance:
