@@ -13,6 +13,7 @@ from frametwin.fitting.camera_freedoms import (
     CameraTerms,
     camera_terms,
     coupling_to_freedoms,
+    joined_rows,
     with_cameras,
 )
 from frametwin.fitting.elastic import INNER, ElasticFrame
@@ -160,9 +161,7 @@ def reduced_system(
     matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))
     shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
     right = elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
-    border = np.zeros((6 * elastic.vertex_count, size))
-    np.add.at(border, elastic.freedoms, coupled)
-    border.reshape(-1, 6, size)[:, :3] += cams.joints.reshape(-1, 3, size)
+    border = joined_rows(elastic, coupled, cams)
     both = elastic.factorise(elastic.anchored(matrix)).solve(np.column_stack([right, border]))
     joints, by_border = both[:, 0], both[:, 1:]
     return Reduced(
