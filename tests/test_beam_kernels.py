@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import networkx as nx
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
@@ -74,3 +75,17 @@ def test_a_load_bows_a_clamped_beam_like_the_nearest_parabola() -> None:
     parabola = 3.0 * at * (1.0 - at)
     nearest = np.einsum("s,s,nsi->ni", weights, parabola, deflection) / np.sum(weights * parabola**2)
     np.testing.assert_allclose(found, np.stack([nearest, nearest], axis=1), atol=1e-9 * np.abs(nearest).max())
+
+
+def test_what_hangs_in_the_air_is_told_from_what_stands() -> None:
+    rng = np.random.default_rng(4)
+    for joints, beams in ((1, 0), (2, 1), (12, 8), (60, 40), (60, 55), (200, 230)):
+        edges = rng.integers(0, joints, (beams, 2))
+        held = rng.uniform(size=joints) < 0.1
+        found = np.empty(beams, dtype=bool)
+        loops.reached(edges, held, found)
+        pieces = nx.Graph()
+        pieces.add_nodes_from(range(joints))
+        pieces.add_edges_from(edges.tolist())
+        standing = set().union(*(piece for piece in nx.connected_components(pieces) if held[list(piece)].any()))
+        assert found.tolist() == [int(start) in standing for start, _ in edges]

@@ -106,3 +106,26 @@ def bows(points, edges, bending, load, moved, bubble, result):
             result[n, 0, i] = slant[i] + length / 3.0 * turned + hung[i]
             turned = moved[b, 3 + j] * t[k] - moved[b, 3 + k] * t[j]
             result[n, 1, i] = -slant[i] - length / 3.0 * turned + hung[i]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def reached(edges, held, found):
+    """Which beams (N, 2) reach a joint that is held (V,) by way of each other; found (N,) bool."""
+    piece = np.arange(len(held))  # of each joint another one of its piece, the same for all in the end
+    for n in range(len(edges)):
+        first, last = edges[n, 0], edges[n, 1]
+        while piece[first] != first:
+            piece[first] = piece[piece[first]]
+            first = piece[first]
+        while piece[last] != last:
+            piece[last] = piece[piece[last]]
+            last = piece[last]
+        piece[max(first, last)] = min(first, last)
+    for joint in range(len(held)):  # a joint's piece is named after an earlier joint, or after itself
+        piece[joint] = piece[piece[joint]]
+    stands = np.zeros(len(held), dtype=np.bool_)
+    for joint in range(len(held)):
+        if held[joint]:
+            stands[piece[joint]] = True
+    for n in range(len(edges)):
+        found[n] = stands[piece[edges[n, 0]]]

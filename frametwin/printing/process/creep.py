@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.geometry.wireframe import Wireframe
@@ -289,7 +287,9 @@ def _standing(edges: bytes, laid: bytes, grounded: bytes) -> Standing:
     """
     ends, on_plate = np.frombuffer(edges, dtype=np.int64).reshape(-1, 2), np.frombuffer(grounded, dtype=bool)
     struts = np.flatnonzero(np.frombuffer(laid, dtype=bool))
-    struts = struts[_held_up(ends[struts], on_plate)]
+    held_up = np.empty(len(struts), dtype=bool)
+    beam_kernels.reached(ends[struts], on_plate, held_up)
+    struts = struts[held_up]
     there = np.zeros(len(on_plate), dtype=bool)
     there[ends[struts]] = True
     joints = np.flatnonzero(there & ~on_plate)
@@ -297,11 +297,3 @@ def _standing(edges: bytes, laid: bytes, grounded: bytes) -> Standing:
     place[joints] = np.arange(len(joints))
     free = (6 * joints[:, None] + np.arange(6)).ravel()
     return Standing(struts, ends[struts], free, BlockPattern.of(place[ends[struts]], len(joints)))
-
-
-def _held_up(edges: np.ndarray, grounded: np.ndarray) -> np.ndarray:
-    """(N,) bool: which of the struts (N, 2) reach a grounded joint by way of each other."""
-    count = len(grounded)
-    joined = sparse.coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    _, piece = connected_components(joined, directed=False)
-    return np.asarray(np.isin(piece[edges[:, 0]], piece[grounded]))
