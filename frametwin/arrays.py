@@ -72,11 +72,13 @@ def checked_array(
         If it is ragged, of another type or shape, not finite, or beyond `LARGEST`.
     """
     allowed, dtype, words = _KINDS[kind]
+    if type(value) is float and kind == "f" and not shape and abs(value) <= LARGEST:
+        return np.array(value)
     wanted = f"give {words}, {_shape_text(shape)}" if remedy is None else remedy
     if value is None:
         raise InputError.at(source, field, "is missing", wanted)
     try:
-        array = np.array(value)
+        array = np.asarray(value)
     except (ValueError, TypeError, OverflowError) as error:
         raise InputError.at(source, field, "its rows are not of one length or not numbers", wanted) from error
     if array.size == 0 and not isinstance(value, np.ndarray):
@@ -90,7 +92,7 @@ def checked_array(
         raise InputError.at(source, field, f"is {found} where {_shape_text(shape)} is needed", wanted)
     if kind == "i" and array.dtype == np.uint64 and array.size and array.max() > np.iinfo(np.int64).max:
         raise InputError.at(source, field, "holds a number that is too large", wanted)
-    result: np.ndarray = array.astype(dtype)
+    result: np.ndarray = array.astype(dtype)  # a copy in any case
     if kind == "f" and not (np.abs(result) <= LARGEST).all():
         place = np.argwhere(~(np.abs(result) <= LARGEST))[0]
         problem = "is too large to be true" if np.isfinite(result[tuple(place)]) else "is not a finite number"

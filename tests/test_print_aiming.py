@@ -30,7 +30,7 @@ from frametwin.printing.adaptation.material_file import (
 from frametwin.printing.adaptation.material_fit import GUESS, BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.printability import Fall, first_fall, outlook
-from frametwin.printing.adaptation.rest_of_print import remaining_movement, steps_of
+from frametwin.printing.adaptation.rest_of_print import remaining_movement, resized_steps, steps_of
 from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JOB
@@ -79,16 +79,16 @@ def records(truth: MaterialFit, sequence: PrintSequence, batches: int, noise: fl
 def test_derivatives_are_those_of_finite_differences(bridge: Wireframe, sequence: PrintSequence) -> None:
     fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.3, 500.0, 0.1, 0.2))
     record = records(fit, sequence, 5, 0.0)[-1]
-    joints = np.flatnonzero(record.known)
+    joints, none = np.flatnonzero(record.known), np.zeros(0, dtype=np.int64)
     # One part: the derivatives of later parts leave out that they start from points that have moved.
-    moved, slope = fit._measured(record, joints, 1)
+    moved, slope = fit._measured(record, joints, 1, np.arange(len(fit.values)))
     laid = int(sequence.struts[sequence.batch == 3][1])
     count = bridge.strut_count
     for place in (*range(6), 6 + laid, 6 + count + laid, 6 + 2 * count + laid):
         shifted = [fit.values.copy() for _ in range(2)]
         for values, sign in zip(shifted, (1.0, -1.0), strict=True):
             values[place] += sign * 1e-4
-        plus, minus = (dataclasses.replace(fit, values=v)._measured(record, joints, 1)[0] for v in shifted)
+        plus, minus = (dataclasses.replace(fit, values=v)._measured(record, joints, 1, none)[0] for v in shifted)
         numeric = (plus - minus) / 2e-4
         assert np.abs(numeric).max() > 0.0
         np.testing.assert_allclose(slope[:, place], numeric, atol=2e-3 * np.abs(numeric).max())
@@ -199,9 +199,10 @@ def test_what_is_aimed_is_forecast_to_end_at_the_design(bridge: Wireframe, seque
     plan = bridge.replace(printed=[False] * bridge.strut_count)
     state = PrintState.before(plan, np.zeros(bridge.strut_count), 0.0)
     steps = steps_of([sequence.struts[sequence.batch == k] for k in range(BATCHES)])
-    unaimed = np.linalg.norm(remaining_movement(fit, state, steps)[0], axis=1)
+    unaimed = np.linalg.norm(remaining_movement(fit, state, steps).joints, axis=1)
     plan = aimed(bridge, plan, bridge.vertices, fit, state, steps)  # the first aim, nothing being aimed before
-    moved, bows = remaining_movement(fit, PrintState.before(plan, state.laid_at, 0.0), steps)
+    moves = remaining_movement(fit, PrintState.before(plan, state.laid_at, 0.0), steps)
+    moved, bows = moves.joints, moves.bows
     ends = np.linalg.norm(plan.vertices + moved - bridge.vertices, axis=1)
     assert unaimed.max() > 3.0 and np.sqrt(np.mean(ends**2)) < 0.15
     straight = bridge.moved_to(plan.vertices).control_points
@@ -216,11 +217,27 @@ def test_batches_far_ahead_take_as_long_together_as_one_by_one(bridge: Wireframe
     plan = bridge.replace(printed=many.laid_before(2, bridge.strut_count))
     began = PrintState.before(plan, np.zeros(bridge.strut_count), 300.0)
     batches = [many.struts[many.batch == k] for k in range(2, 38)]
-    together, state = remaining_movement(fit, began, steps_of(batches))[0], began
+    together, state = remaining_movement(fit, began, steps_of(batches)).joints, began
     for struts in batches:
         state = fit.model.after(state, struts, fit.parameters)
     single = state.points - began.points
     assert np.linalg.norm(together - single) < 0.06 * np.linalg.norm(single)
+
+
+def test_sizes_of_batches_are_found_with_how_the_print_moves_in_them(bridge: Wireframe) -> None:
+    many = lowest_first(bridge, 30)
+    fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.2, 600.0, 0.1, 0.1))
+    plan = bridge.replace(printed=many.laid_before(2, bridge.strut_count))
+    began = PrintState.before(plan, np.zeros(bridge.strut_count), 300.0)
+    steps, moves = resized_steps(
+        fit, began, steps_of([many.struts[many.batch == k] for k in range(2, 30)]), lambda step, rate: 2
+    )
+    assert all(2 * step.batches - 1 <= len(step.struts) <= 2 * step.batches for step in steps)
+    assert max(step.batches for step in steps) > 1
+    assert np.array_equal(np.concatenate([step.struts for step in steps]), many.struts[many.batch >= 2])
+    again = remaining_movement(fit, began, steps)
+    np.testing.assert_array_equal(moves.joints, again.joints)
+    np.testing.assert_allclose(moves.bows, again.bows, atol=1e-12)
 
 
 def test_a_print_is_aimed_for_the_batches_it_will_be_laid_in(bridge: Wireframe) -> None:

@@ -6,6 +6,7 @@ import dataclasses
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from print_cases import LeaningPrint, cameras_of, print_batch, small_job
 from small_frames import tower
 
 from frametwin.blender.rendering.client import blender_renderer
+from frametwin.capture.capture import Capture
 from frametwin.capture.image_files import image_size
 from frametwin.errors import Cancelled, InputError
 from frametwin.evaluation.evaluate import evaluate
@@ -21,9 +23,10 @@ from frametwin.files import read_json
 from frametwin.formats import frame_json
 from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.photo_masks import ViewMask
 from frametwin.printing.adaptation.batch_fit import fit_batch
 from frametwin.printing.adaptation.evidence import Evidence, Pictures
-from frametwin.printing.job import guards
+from frametwin.printing.job import answer, guards
 from frametwin.printing.job.guards import Expectation, GuardLimits
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, cut_batches, plan_order
@@ -353,6 +356,77 @@ def test_the_watch_passes_over_bad_folders_and_goes_on_later(job: PrintJob, tmp_
     again.steps = again.work()
     watch(PrintJob(job.folder), captures, again)
     assert PrintJob(job.folder).current is None
+
+
+class Reading:
+    """Counts how often pictures are decoded for an answer or ahead of it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.times, self.real = 0, answer.read_view_masks
+        monkeypatch.setattr(answer, "read_view_masks", self)
+
+    def __call__(self, capture: Capture, **options: Any) -> list[ViewMask]:
+        self.times += 1
+        return self.real(capture, **options)
+
+
+def test_pictures_that_were_read_ahead_are_not_read_again(
+    job: PrintJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, reading = LeaningPrint(job.design), Reading(monkeypatch)
+    capture = real.take(tmp_path / "a", print_batch(job, real))
+    fresh = PrintJob(shutil.copytree(job.folder, tmp_path / "other"))
+    job.prepare(capture)
+    assert reading.times == 1
+    assert job.answer(capture)["standing"] > 0 and reading.times == 1
+    fresh.answer(capture)
+    assert reading.times == 2
+    for name in ("adapted.json", "run/twin.json"):
+        one, other = (read_json(folder.batch_folder(0) / name) for folder in (job, fresh))
+        assert one["control_points"] == other["control_points"]
+    job.answer(real.take(tmp_path / "b", print_batch(job, real)))  # the next batch
+    assert reading.times == 3
+
+
+@pytest.mark.parametrize("changed", ["images/camera_01.png", "transforms.json"])
+def test_pictures_that_changed_since_they_were_read_ahead_are_read_again(
+    job: PrintJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    real, reading = LeaningPrint(job.design), Reading(monkeypatch)
+    capture = real.take(tmp_path / "a", print_batch(job, real))
+    whole, path = (capture / changed).read_bytes(), capture / changed
+    if changed.endswith(".png"):
+        cv2.imwrite(str(path), np.roll(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), 1, axis=0))
+    else:
+        path.write_bytes(whole + b"\n")
+    job.prepare(capture)
+    path.write_bytes(whole)
+    job.answer(capture)
+    assert reading.times == 2
+
+
+def test_pictures_that_cannot_be_read_ahead_are_told_of_by_the_answer(job: PrintJob, tmp_path: Path) -> None:
+    real = LeaningPrint(job.design)
+    capture = real.take(tmp_path / "a", print_batch(job, real))
+    (capture / "images" / "camera_01.png").write_bytes(b"no picture")
+    job.prepare(capture)
+    with pytest.raises(InputError, match="camera_01"):
+        job.answer(capture)
+
+
+def test_the_watch_reads_pictures_while_it_waits_for_them_to_stay(
+    job: PrintJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    captures = tmp_path / "captures"
+    captures.mkdir()
+    ahead: list[Path | None] = []
+    prepare = job.prepare
+    monkeypatch.setattr(job, "prepare", lambda capture=None: (ahead.append(capture), prepare(capture)))
+    real = LeaningPrint(job.design)
+    real.take(captures / "a", print_batch(job, real))
+    with pytest.raises(Cancelled):
+        Watch(job, captures, progress=lambda progress: job.current == 0, poll=0.01, again=0.1).run()
+    assert ahead.count(captures / "a") == 1 and job.current == 1
 
 
 @pytest.mark.parametrize("kind", ["png", "jpg", "json"])

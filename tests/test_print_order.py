@@ -22,6 +22,7 @@ from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, closing_struts, plan_sequence
 from frametwin.printing.sequencing.removal_kernels import bridges, joint_compliance
 from frametwin.printing.sequencing.stability import batch_sag, total_compliance
+from frametwin.printing.sequencing.tool_orientation import allowed_orientations
 from frametwin.progress import Progress
 
 FRAMES = Path(__file__).resolve().parents[1] / "datasets" / "frames"
@@ -98,6 +99,14 @@ def test_rod_beside_the_cone(gap: float, hit: bool) -> None:
     sequence = PrintSequence([1, 0], [2, 0], np.tile(UP, (2, 1)), [0, 0])
     found = check_sequence(frame, sequence, nozzle)
     assert [f.strut for f in found if f.strut == 0 and 1 in f.others] == ([0] if hit else [])
+
+
+def test_some_struts_are_looked_at_as_among_all(curved_frame: Wireframe) -> None:
+    some, axes = np.array([7, 2, 11]), tool_directions(0.8)
+    np.testing.assert_array_equal(joined_struts(curved_frame, struts=some), joined_struts(curved_frame)[some])
+    nozzle = Nozzle.fitting(curved_frame)
+    every = allowed_orientations(curved_frame, nozzle, axes)
+    np.testing.assert_array_equal(allowed_orientations(curved_frame, nozzle, axes, some), every[some])
 
 
 def test_collisions_of_curved_struts_agree_with_dense_sampling(curved_frame: Wireframe) -> None:

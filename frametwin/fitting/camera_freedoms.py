@@ -18,10 +18,13 @@ from typing import Annotated
 import numpy as np
 
 from frametwin.cameras import Camera
+from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.ranges import check_settings, within
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, ViewTerms
+
+camera_kernels = KeptLoops("frametwin.fitting.camera_kernels")
 
 TURN, SHIFT, FOCAL, CENTRE, LENS = slice(0, 3), slice(3, 6), 6, slice(7, 9), 9
 FREEDOMS = 10
@@ -149,7 +152,7 @@ def corrected(cameras: Sequence[Camera], freedoms: np.ndarray) -> list[Camera]:
     return result
 
 
-def view_motions(points: np.ndarray, packed: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def view_motions(points: np.ndarray, packed: np.ndarray, scale: float) -> np.ndarray:
     """How points must move to look as they do when a camera changes.
 
     Parameters
@@ -162,21 +165,11 @@ def view_motions(points: np.ndarray, packed: np.ndarray, scale: np.ndarray) -> n
     -------
     (..., 3, 10) mm for a unit of each freedom.
     """
-    rotation, shift = packed[:9].reshape(3, 3), packed[9:12]
-    seen = points @ rotation.T + shift
-    x, y, z = seen[..., 0], seen[..., 1], seen[..., 2]
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    radial = (x * x + y * y) / np.maximum(z * z, 1e-12)
-    moved = np.zeros((*points.shape[:-1], 3, FREEDOMS))
-    moved[..., 0] = np.stack([zero, -z, y], axis=-1)
-    moved[..., 1] = np.stack([z, zero, -x], axis=-1)
-    moved[..., 2] = np.stack([-y, x, zero], axis=-1)
-    moved[..., SHIFT] = -rotation
-    moved[..., FOCAL] = np.stack([x, y, zero], axis=-1)
-    moved[..., 7] = np.stack([scale * z / packed[12] * one, zero, zero], axis=-1)
-    moved[..., 8] = np.stack([zero, scale * z / packed[13] * one, zero], axis=-1)
-    moved[..., LENS] = np.stack([x * radial, y * radial, zero], axis=-1)
-    return np.einsum("ca,...cf->...af", rotation, moved)
+    result = np.empty((1, points.size // 3, 3, FREEDOMS))
+    flat = np.ascontiguousarray(points.reshape(-1, 3), dtype=np.float64)
+    one = (np.array([packed], dtype=np.float64), np.array([scale], dtype=np.float64))
+    camera_kernels.motions(flat, *one, result)
+    return result.reshape(*points.shape, FREEDOMS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,19 +201,22 @@ def camera_terms(drawn: Rods, terms: ViewTerms, packed: np.ndarray, scales: np.n
     """
     count, views = terms.hessian.shape[:2]
     vertices = len(drawn.joints)
-    matrix, gradient = np.zeros((views, FREEDOMS, FREEDOMS)), np.zeros((views, FREEDOMS))
-    struts, joints = np.zeros((count, 12, views, FREEDOMS)), np.zeros((vertices, 3, views, FREEDOMS))
-    for v in range(views):
-        motion = view_motions(drawn.control_points, packed[v], scales[v]).reshape(count, 12, FREEDOMS)
-        coupled = np.matmul(terms.hessian[:, v], motion)
-        struts[:, :, v] = coupled
-        matrix[v] += np.einsum("eaf,eag->fg", motion, coupled, optimize=True)
-        gradient[v] += np.einsum("eaf,ea->f", motion, terms.gradient[:, v], optimize=True)
-        motion = view_motions(drawn.joints, packed[v], scales[v])
-        coupled = np.matmul(terms.joint_hessian[:, v], motion)
-        joints[:, :, v] = coupled
-        matrix[v] += np.einsum("vaf,vag->fg", motion, coupled, optimize=True)
-        gradient[v] += np.einsum("vaf,va->f", motion, terms.joint_gradient[:, v], optimize=True)
+    matrix, gradient = np.empty((views, FREEDOMS, FREEDOMS)), np.empty((views, FREEDOMS))
+    struts, joints = np.empty((count, 12, views, FREEDOMS)), np.empty((vertices, 3, views, FREEDOMS))
+    camera_kernels.camera_terms(
+        np.ascontiguousarray(drawn.control_points, dtype=np.float64),
+        np.ascontiguousarray(drawn.joints, dtype=np.float64),
+        terms.hessian,
+        terms.gradient,
+        terms.joint_hessian,
+        terms.joint_gradient,
+        np.ascontiguousarray(packed, dtype=np.float64),
+        np.ascontiguousarray(scales, dtype=np.float64),
+        matrix,
+        gradient,
+        struts,
+        joints,
+    )
     return CameraTerms(matrix, gradient, struts, joints)
 
 
@@ -228,9 +224,14 @@ def coupling_to_freedoms(elastic: ElasticFrame, terms: CameraTerms) -> np.ndarra
     """(6V, 10N) coupling of the cameras to the joints' freedoms, struts following."""
     size = terms.matrix.shape[0] * FREEDOMS
     parts = np.matmul(elastic.follow.transpose(0, 2, 1), terms.struts.reshape(len(terms.struts), 12, size))
-    total = np.zeros((6 * elastic.vertex_count, size))
-    np.add.at(total, elastic.freedoms, parts)
-    total.reshape(elastic.vertex_count, 6, size)[:, :3] += terms.joints.reshape(elastic.vertex_count, 3, size)
+    return joined_rows(elastic, parts, terms)
+
+
+def joined_rows(elastic: ElasticFrame, parts: np.ndarray, terms: CameraTerms) -> np.ndarray:
+    """(6V, 10N) sum of struts' coupling (E, 12, 10N) to the freedoms of their ends, and of the joints' own."""
+    total = np.zeros((6 * elastic.vertex_count, parts.shape[2]))
+    camera_kernels.add_rows(elastic.freedoms, parts, total)
+    total.reshape(elastic.vertex_count, 6, -1)[:, :3] += terms.joints.reshape(elastic.vertex_count, 3, -1)
     return total
 
 

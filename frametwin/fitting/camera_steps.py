@@ -13,6 +13,7 @@ from frametwin.fitting.camera_freedoms import (
     CameraTerms,
     camera_terms,
     coupling_to_freedoms,
+    joined_rows,
     with_cameras,
 )
 from frametwin.fitting.elastic import INNER, ElasticFrame
@@ -146,23 +147,24 @@ def reduced_system(
     inner = terms.hessian[:, INNER, INNER] + (pull + drag) * elastic.inner_stiffness
     slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(stiffness, away[:, :, None])
     inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
-    coupled = np.matmul(turned, struts)
-    inner_coupled = struts[:, INNER]
-    solved = np.linalg.solve(inner, np.concatenate([mixed.transpose(0, 2, 1), inner_slope, inner_coupled], axis=2))
-    by_joints, by_slope, by_cameras = solved[:, :, :12], solved[:, :, 12:13], solved[:, :, 13:]
+    inner_coupled = np.ascontiguousarray(struts[:, INNER])
+    inverse = np.linalg.inv(inner)  # of six by six, which takes less time than solutions for each camera's freedoms
+    across = np.matmul(mixed, inverse)
+    by_joints, by_slope = across.transpose(0, 2, 1), np.matmul(inverse, inner_slope)
+    by_cameras = np.matmul(inverse, inner_coupled)
     outer -= np.matmul(mixed, by_joints)
     slope -= np.matmul(mixed, by_slope)
-    coupled -= np.matmul(mixed, by_cameras)
-    own = _camera_matrix(cams, prior) - np.tensordot(inner_coupled, by_cameras, axes=([0, 1], [0, 1]))
-    own_slope = (cams.gradient + prior.pull(freedoms)).ravel()
-    own_slope = own_slope - np.tensordot(inner_coupled, by_slope[:, :, 0], axes=([0, 1], [0, 1]))
+    remaining = np.array(turned)
+    remaining[:, :, INNER] -= across
+    coupled = np.matmul(remaining, struts)
+    flat = inner_coupled.reshape(-1, size).T
+    own = _camera_matrix(cams, prior) - flat @ by_cameras.reshape(-1, size)
+    own_slope = (cams.gradient + prior.pull(freedoms)).ravel() - flat @ by_slope.ravel()
     held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
     matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))
     shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
     right = elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
-    border = np.zeros((6 * elastic.vertex_count, size))
-    np.add.at(border, elastic.freedoms, coupled)
-    border.reshape(-1, 6, size)[:, :3] += cams.joints.reshape(-1, 3, size)
+    border = joined_rows(elastic, coupled, cams)
     both = elastic.factorise(elastic.anchored(matrix)).solve(np.column_stack([right, border]))
     joints, by_border = both[:, 0], both[:, 1:]
     return Reduced(

@@ -101,28 +101,31 @@ def rotation_minimising_frames(
     position, tangent = bezier.evaluate(points, grid), tangents(points, grid)
     normal = np.empty_like(tangent)
     normal[..., 0, :] = _start(tangent[..., 0, :], start_normal)
+    mirrors = _mirrors(np.diff(position, axis=-2), tangent[..., :-1, :], tangent[..., 1:, :])
     for i in range(grid.size - 1):
-        chord = position[..., i + 1, :] - position[..., i, :]
-        moved = _double_reflection(chord, tangent[..., i, :], tangent[..., i + 1, :], normal[..., i, :])
+        moved = normal[..., i, :]
+        for mirror in mirrors:
+            moved = moved - _dot(mirror[..., i, :], moved) * mirror[..., i, :]
         normal[..., i + 1, :] = _across(moved, tangent[..., i + 1, :])
     at = np.searchsorted(grid, wanted)
     tangent, normal = tangent[..., at, :], normal[..., at, :]
     return Frames(tangent, normal, np.cross(tangent, normal))
 
 
-def _double_reflection(chord: Floats, before: Floats, after: Floats, normal: Floats) -> Floats:
-    """Carry the normal over one step; every argument has the shape (..., 3)."""
+def _mirrors(chord: Floats, before: Floats, after: Floats) -> tuple[Floats, Floats]:
+    """The two mirrors, one after the other, that carry a normal over a step (double reflection).
+
+    Every argument has the shape (..., 3). The mirrors are scaled so that a vector v is reflected to v - (m . v) m.
+    """
     still = _dot(chord, chord) == 0.0  # the curve stands still: take the symmetric step between the two tangents
-    first = np.where(still, before + after, chord)
-    tangent = _reflect(before, first)
-    return _reflect(_reflect(normal, first), after - tangent)
+    first = _scaled(np.where(still, before + after, chord))
+    return first, _scaled(after - (before - _dot(first, before) * first))
 
 
-def _reflect(vector: Floats, mirror: Floats) -> Floats:
-    """Reflect in the plane across ``mirror``; a mirror of no length changes nothing (the limit at a cusp)."""
+def _scaled(mirror: Floats) -> Floats:
+    """The mirror with a length of sqrt(2); one of no length changes nothing (the limit at a cusp)."""
     square = _dot(mirror, mirror)
-    share = np.where(square > 0.0, 2.0 * _dot(mirror, vector) / np.where(square > 0.0, square, 1.0), 0.0)
-    return vector - share * mirror
+    return np.where(square > 0.0, mirror * np.sqrt(2.0 / np.where(square > 0.0, square, 1.0)), 0.0)
 
 
 def _start(tangent: Floats, start_normal: ArrayLike | None) -> Floats:

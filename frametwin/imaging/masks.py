@@ -185,7 +185,7 @@ def check_content(mask: np.ndarray, path: Path) -> None:
 def content_problem(mask: np.ndarray) -> tuple[str, str]:
     """Why a mask (H, W) in 0..1 cannot show a print, and what to do about it; empty if it can."""
     remedy = "give a picture of the print: bright struts on a dark background, or a mask of them"
-    share = float(np.mean(mask > 0.5))
+    share = np.count_nonzero(mask > 0.5) / mask.size
     if share < _LEAST_CONTENT:
         return "shows nothing of the print (all black)", remedy
     if share == 1.0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -84,6 +84,30 @@ def read_view_masks(
     if require:
         require_views(capture, masks)
     return masks
+
+
+@dataclass(frozen=True, eq=False)
+class MasksOfCapture:
+    """The masks of a capture that was read before.
+
+    Attributes
+    ----------
+    capture, masks
+        The capture, and what `read_view_masks` made of it.
+    """
+
+    capture: Capture
+    masks: list[ViewMask]
+
+    def of(self, capture: Capture) -> list[ViewMask] | None:
+        """The masks of another reading of it; ``None`` unless that shows the same to the last byte."""
+        same = self.capture.frame is capture.frame and self.capture.documents == capture.documents
+        return self.masks if same and _shown(self.capture) == _shown(capture) else None
+
+
+def _shown(capture: Capture) -> list[list[tuple[str, bytes]]]:
+    """Names and bytes of the pictures, view by view."""
+    return [[(capture.name_of(picture), picture.data) for picture in view.pictures] for view in capture.views]
 
 
 def require_views(capture: Capture, masks: Sequence[ViewMask]) -> None:

@@ -10,10 +10,15 @@ import numpy as np
 
 from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting import presence
+from frametwin.fitting.camera_freedoms import camera_terms, coupling_to_freedoms
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.geometry.parametric import half_bowl
+from frametwin.printing.adaptation.material_fit import MaterialFit
+from frametwin.printing.adaptation.rest_of_print import remaining_movement, steps_of
 from frametwin.printing.job.check import check_job
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.process.creep import CreepModel, PrintState
+from frametwin.printing.process.material import PrintSettings
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level, Pyramid
@@ -76,6 +81,15 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
         elastic = ElasticFrame(frame)
         elastic.solve(elastic.assemble(elastic.stiffness), np.zeros(6 * frame.vertex_count))
 
+    def moving_cameras() -> None:
+        terms = camera_terms(drawn, rods.gauss_newton_by_view(drawn, level), level.cameras, np.ones(len(cameras)))
+        coupling_to_freedoms(ElasticFrame(frame), terms)
+
+    def forecasts() -> None:
+        fit = MaterialFit.start(CreepModel(frame, PrintSettings()))
+        began = PrintState.before(frame.replace(printed=[False] * frame.strut_count), np.zeros(frame.strut_count), 0.0)
+        remaining_movement(fit, began, steps_of([np.arange(frame.strut_count)]))
+
     def print_job() -> None:
         with scratch_folder() as scratch:
             check_job(plan_job(scratch / "job", frame, PlanOptions(allow_contact=True)))
@@ -86,5 +100,7 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
         ("steps of the fit", lambda: rods.gauss_newton(drawn, level)),
         ("what is there of a strut", lambda: presence.strut_whiteness(drawn, level)),
         ("factors of a frame's stiffness", factors),
+        ("cameras that may move", moving_cameras),
+        ("forecasts of prints", forecasts),
         ("orders and checks of prints", print_job),
     ]

@@ -14,7 +14,7 @@ import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_fit import MaterialFit
-from frametwin.printing.adaptation.rest_of_print import PrintStep, drift_between, remaining_movement
+from frametwin.printing.adaptation.rest_of_print import Movement, PrintStep, drift_between, remaining_movement
 from frametwin.printing.process.creep import PrintState
 
 ROUNDS, LEAST_SHARE = 30, 0.2
@@ -44,6 +44,7 @@ def aimed(
     state: PrintState,
     steps: Sequence[PrintStep],
     wanted: np.ndarray | None = None,
+    known: Movement | None = None,
 ) -> Wireframe:
     """Aim what is still to be laid.
 
@@ -63,13 +64,15 @@ def aimed(
         What is still to come, in order.
     wanted : (E,) bool array, optional
         Struts that are aimed, all by default; the others are laid as they are planned.
+    known
+        How the print moves in these steps from some aim, where that was found already; a matter of speed alone.
     """
     wanted = np.ones(design.strut_count, dtype=bool) if wanted is None else wanted
     trust, free = fit.trust, ~state.there & design.replace(printed=wanted).printed_vertices()
     if trust == 0.0 or not len(steps):
         return adapted
     start = np.where(free[:, None], targets, state.points)
-    goal, bows = _joint_aims(design, start, free, fit, state, steps)
+    goal, bows = _joint_aims(design, start, free, fit, state, steps, known)
     plan = adapted.moved_to(np.where(free[:, None], goal, adapted.vertices))
     most = LARGEST_BOW * design.lengths[:, None, None] / np.maximum(np.linalg.norm(bows, axis=2, keepdims=True), 1e-12)
     curves = np.array(design.moved_to(plan.vertices).control_points)
@@ -98,6 +101,7 @@ def _joint_aims(
     fit: MaterialFit,
     state: PrintState,
     steps: Sequence[PrintStep],
+    known: Movement | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where to aim the joints that are ``free``, the best of a few rounds, and the bows of the struts there."""
     trust = fit.trust
@@ -105,11 +109,12 @@ def _joint_aims(
     best, left, wanted, bowed = targets, np.inf, targets, np.zeros((design.strut_count, 2, 3))
     share, tried = 1.0, targets
     for _ in range(ROUNDS):
-        moved, bows = remaining_movement(fit, _at(state, tried), steps)
-        goal = design.vertices - trust * moved
+        if known is None or not np.array_equal(known.began, tried):
+            known = remaining_movement(fit, _at(state, tried), steps)
+        goal = design.vertices - trust * known.joints
         off = float(np.sqrt(np.mean(np.sum((goal - tried)[free] ** 2, axis=1)))) if free.any() else 0.0
         if off < left:
-            best, left, wanted, bowed = tried, off, goal, bows
+            best, left, wanted, bowed = tried, off, goal, known.bows
         else:
             share *= 0.5
         if left < CLOSE_ENOUGH or share < LEAST_SHARE:

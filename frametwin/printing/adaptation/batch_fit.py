@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -52,6 +54,9 @@ have 0.0; struts that hang free at one end, which no twin can have, count about 
 
 CROP_MARGIN = 32
 """Pixels that are kept around the struts: their silhouettes, and blurred ones more so, reach beyond centrelines."""
+
+WORKERS = 2
+"""Pictures that are cropped together."""
 
 MOST_CONTRADICTED = 0.1
 """It is doubted too where a larger share of the twin lies on black; whole prints have 0.02 to 0.05."""
@@ -189,18 +194,22 @@ def cropped(
         Cameras without distortion, and (H, W) masks of their sizes.
     """
     points = frame.control_points[frame.printed].reshape(-1, 3)
-    views = []
-    for camera, mask in zip(cameras, masks, strict=True):
-        pixels, depth = camera.project(points)
-        corners = [pixels[depth > 0.0].reshape(-1, 2)]
-        x, y, across, down = cv2.boundingRect((mask > 0.0).view(np.uint8))
-        if across > 0:
-            corners.append(np.array([[x, y], [x + across, y + down]], dtype=np.float64))
-        extent = np.concatenate(corners)
-        size = np.array([camera.width, camera.height])
-        low = np.clip(np.floor(extent.min(axis=0, initial=size.max())) - CROP_MARGIN, 0, size - 1).astype(int)
-        high = np.clip(np.ceil(extent.max(axis=0, initial=0.0)) + CROP_MARGIN, low + 1, size).astype(int)
-        (left, top), (right, bottom) = low.tolist(), high.tolist()
-        part = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
-        views.append((part, np.ascontiguousarray(mask[top:bottom, left:right])))
+    with ThreadPoolExecutor(WORKERS) as pool:  # most of it is done by OpenCV
+        views = list(pool.map(partial(_cropped, points), cameras, masks))
     return [part for part, _ in views], [mask for _, mask in views]
+
+
+def _cropped(points: np.ndarray, camera: Camera, mask: np.ndarray) -> tuple[Camera, np.ndarray]:
+    """One view cut to what is white in it, and where points (N, 3) should be seen."""
+    pixels, depth = camera.project(points)
+    corners = [pixels[depth > 0.0].reshape(-1, 2)]
+    x, y, across, down = cv2.boundingRect((mask > 0.0).view(np.uint8))
+    if across > 0:
+        corners.append(np.array([[x, y], [x + across, y + down]], dtype=np.float64))
+    extent = np.concatenate(corners)
+    size = np.array([camera.width, camera.height])
+    low = np.clip(np.floor(extent.min(axis=0, initial=size.max())) - CROP_MARGIN, 0, size - 1).astype(int)
+    high = np.clip(np.ceil(extent.max(axis=0, initial=0.0)) + CROP_MARGIN, low + 1, size).astype(int)
+    (left, top), (right, bottom) = low.tolist(), high.tolist()
+    part = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
+    return part, np.ascontiguousarray(mask[top:bottom, left:right])

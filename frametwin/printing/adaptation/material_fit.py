@@ -12,9 +12,11 @@ from then on, and are expected to go on like that.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from frametwin.printing.adaptation.state_covariance import StateCovariance
 from frametwin.printing.adaptation.state_rows import StateRows
 from frametwin.printing.process.creep import CreepModel, CreepParameters, CreepStep, PrintState
 
@@ -130,8 +132,8 @@ class MaterialFit:
         By which twins are off everywhere.
     points : (V, 3) array, mm
         Where the joints are.
-    covariance : array
-        Of the values, the shift, and the coordinates of the points, in this order.
+    covariance
+        Of the values, the shift, and the coordinates of the points, in this order; 0 of points that are not there.
     known
         What was known of the material before the print.
     skill : tuple of (along, foretold)
@@ -143,7 +145,7 @@ class MaterialFit:
     values: np.ndarray
     shift: np.ndarray
     points: np.ndarray
-    covariance: np.ndarray
+    covariance: StateCovariance
     known: MaterialEstimate = GUESS
     skill: tuple[tuple[float, float], ...] = ()
 
@@ -156,17 +158,18 @@ class MaterialFit:
         spread = [np.array(known.deviation), np.full(struts, STRUT_SPEED), np.full(2 * struts, STRUT_PULL)]
         points = np.array(model.design.vertices)
         spread += [np.full(3, SHIFTED), np.zeros(points.size)]
-        return cls(model, values, np.zeros(3), points, np.diag(np.concatenate(spread) ** 2), known)
+        covariance = StateCovariance.independent(np.concatenate(spread) ** 2)
+        return cls(model, values, np.zeros(3), points, covariance, known)
 
     @property
     def estimate(self) -> MaterialEstimate:
         """Of the material as a whole, in this print."""
-        deviation = np.sqrt(np.diag(self.covariance)[: len(GLOBAL)])
+        deviation = np.sqrt(self.covariance.variance[: len(GLOBAL)])
         return MaterialEstimate(
             tuple(self.values[: len(GLOBAL)].tolist()), tuple(deviation.tolist()), self.known.prints
         )
 
-    @property
+    @cached_property
     def parameters(self) -> CreepParameters:
         """The material as it is taken to be."""
         count = self.model.design.strut_count
@@ -181,7 +184,7 @@ class MaterialFit:
             (self.values[1:3, None] + own[1:]).T,
         )
 
-    @property
+    @cached_property
     def trust(self) -> float:
         """Share of a forecast that is acted upon, 0..1.
 
@@ -190,7 +193,7 @@ class MaterialFit:
         softer than others, or seen beside where they are, scatters about this line and does not make it flatter. A
         print that does not move as the model has it is not printed against it.
         """
-        variance = float(self.covariance[0, 0])
+        variance = float(self.covariance.variance[0])
         certain = float(np.exp(-(variance**2))) if variance < MOST_VARIANCE else 0.0
         along, foretold = (sum(part) for part in zip(*self.skill, strict=True)) if self.skill else (0.0, 0.0)
         return certain * float(np.clip((along + BELIEVED) / (foretold + BELIEVED), 0.0, 1.0))
@@ -215,21 +218,20 @@ class MaterialFit:
         began = self._joined_by(record)
         struts = np.union1d(np.flatnonzero(record.standing), record.struts)
         place = StateRows.of(began.covariance, self._told_apart(struts), joints, began.points.size)
-        before = began.covariance[np.ix_(place.active, place.active)]
+        before, three = began.covariance.of(place.active), np.repeat(seen, 3)
         told = (record.state.points + record.moved)[joints][seen] - self.shift
         fit = self
         for _ in range(rounds):
-            moved, slope = fit._measured(record, joints, parts)
-            ahead = moved + slope @ (self.values - fit.values)
-            covariance = place.carried(before, slope[:, place.values], WANDERING**2, self._missed(moved))
-            left = told.ravel() - (began.points[joints].ravel() + ahead).reshape(-1, 3)[seen].ravel()
-            noise = place.doubted(covariance, left, np.repeat(seen, 3), SEEN**2)
-            change = place.change(covariance, left, np.repeat(seen, 3), noise)
+            moved, slope = fit._measured(record, joints, parts, place.values)
+            ahead = moved + slope @ (self.values - fit.values)[place.values]
+            carried = place.carried(before, slope, WANDERING**2, self._missed(moved))
+            left = told.ravel() - (began.points[joints].ravel() + ahead)[three]
+            twin = carried.seen(three, left, SEEN**2)
+            change = twin.change
             change[0] = np.clip(change[0], -LARGEST_STEP, LARGEST_STEP)
             fit = began._changed(place, change, ahead)
-        total = began.covariance.copy()
-        total[np.ix_(place.active, place.active)] = place.corrected(covariance, np.repeat(seen, 3), noise)
-        return replace(fit, covariance=total, skill=(*self.skill, fit._skill(record, joints[seen], parts))[-3:])
+        covariance = replace(began.covariance, rows=place.active, among=twin.corrected(before, carried))
+        return replace(fit, covariance=covariance, skill=(*self.skill, fit._skill(record, joints[seen], parts))[-3:])
 
     def _foretellable(self, record: BatchRecord) -> np.ndarray:
         """(V,) bool: joints that move as the model has it: all but free ends of struts that have turned far."""
@@ -256,15 +258,12 @@ class MaterialFit:
 
     def _joined_by(self, record: BatchRecord) -> MaterialFit:
         """With the joints that come into being in a batch, where they were to be laid."""
-        points, covariance = np.array(self.points), np.array(self.covariance)
-        first = len(covariance) - points.size
-        known = np.diag(covariance)[first::3] > 0.0
+        points, first = np.array(self.points), len(self.covariance) - self.points.size
+        known = self.covariance.variance[first::3] > 0.0
         fresh = np.flatnonzero(~record.state.there | ~known)
         points[fresh] = record.state.points[fresh]
         rows = (first + 3 * fresh[:, None] + np.arange(3)).ravel()
-        covariance[rows], covariance[:, rows] = 0.0, 0.0
-        covariance[rows, rows] = LAID**2
-        return replace(self, points=points, covariance=covariance)
+        return replace(self, points=points, covariance=self.covariance.with_independent(rows, LAID**2))
 
     def _missed(self, moved: np.ndarray) -> np.ndarray:
         """Variance of what the model misses of movements, and of how what twins are off by changes, square mm."""
@@ -282,53 +281,60 @@ class MaterialFit:
     def _skill(self, record: BatchRecord, joints: np.ndarray, parts: int) -> tuple[float, float]:
         """How far joints moved along with the model, and how far it moves them; see `skill`."""
         seen = record.moved[joints].ravel()
-        foretold = self._measured(record, joints, parts, slopes=False)[0]
+        foretold = self._measured(record, joints, parts, np.zeros(0, dtype=np.int64))[0]
         return float(seen @ foretold), float(foretold @ foretold)
 
     def _measured(
-        self, record: BatchRecord, joints: np.ndarray, parts: int, slopes: bool = True
+        self, record: BatchRecord, joints: np.ndarray, parts: int, told: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Movement (3 J,) of the joints in a batch by the model, and its derivatives (3 J, values)."""
+        """Movement (3 J,) of the joints in a batch by the model, and its derivatives (3 J, K) by some values (K,).
+
+        These are none, or all on which the batch depends; see `_told_apart`.
+        """
         state = replace(record.state, laid=record.state.laid & record.standing)
         rows = (6 * joints[:, None] + np.arange(3)).ravel()
-        slope = np.zeros((len(rows), len(self.values)))
+        slope = np.zeros((len(told), len(rows)))  # transposed, as what comes of one value is found together
+        place = np.full(len(self.values), -1)
+        place[told] = np.arange(len(told))
         parameters, began = self.parameters, state.points
         for number, part in enumerate(np.array_split(record.struts, parts), 1):
             since, pause = state.clock, self.model.settings.pause if number == parts else 0.0
             state = state.with_struts(part, self.model.design.edges, self.model.seconds, pause)
             step = self.model.step(state, since, parameters)
-            if slopes:
-                slope += self._slope(step, rows, parameters)
+            if len(told):
+                self._add_slope(slope, place, step, rows, parameters)
             state = replace(state, points=state.points + step.moved[:, :3])
-        return (state.points - began)[joints].ravel(), slope
+        return (state.points - began)[joints].ravel(), slope.T
 
-    def _slope(self, step: CreepStep, rows: np.ndarray, parameters: CreepParameters) -> np.ndarray:
-        """Derivatives (R, values) of what a step moves the rows (R,) by, by adjoint solutions."""
-        result = np.zeros((len(rows), len(self.values)))
+    def _add_slope(
+        self, slope: np.ndarray, place: np.ndarray, step: CreepStep, rows: np.ndarray, parameters: CreepParameters
+    ) -> None:
+        """Add the derivatives of what a step moves the rows (R,) by, found by adjoint solutions.
+
+        ``slope`` is (K, R), and ``place`` (values,) tells which of the K derivatives is that by a value.
+        """
         if step.factor is None:
-            return result
-        moved = step.moved.ravel()
-        place = np.full(len(moved), -1)
-        place[step.free] = np.arange(len(step.free))
-        unit = np.zeros((len(step.free), len(rows)))
-        there = np.flatnonzero(place[rows] >= 0)
-        unit[place[rows[there]], there] = 1.0
+            return
+        moved, free, freedoms = step.moved.ravel(), step.standing.free, step.standing.freedoms
+        where = np.full(len(moved), -1)
+        where[free] = np.arange(len(free))
+        unit = np.zeros((len(free), len(rows)))
+        there = np.flatnonzero(where[rows] >= 0)
+        unit[where[rows[there]], there] = 1.0
         adjoint = np.zeros((len(moved), len(rows)))
-        adjoint[step.free] = step.factor.solve(unit)
-        ends = adjoint[step.freedoms].transpose(2, 0, 1)  # (R, N, 12)
-        bent = moved[step.freedoms]
-        speed = np.einsum("rnf,nf->rn", ends, np.einsum("nfg,ng->nf", step.stiffness, bent))
-        pull = np.einsum("rnf,nfk->krn", ends, step.sideways)
-        result[:, 0] = moved[rows]
-        result[:, 1:3] = pull.sum(axis=2).T
-        result[:, 3] = speed @ self._flow_slope(parameters, step, "hardening")
-        result[:, 4] = speed @ self._flow_slope(parameters, step, "rest")
-        result[:, 5] = -np.einsum("rnf,nf->r", ends, np.einsum("nfg,ng->nf", step.along, bent))
+        adjoint[free] = step.factor.solve(unit)
+        ends = adjoint[freedoms]  # (N, 12, R)
+        bent = moved[freedoms][:, :, None]
+        loads = np.concatenate([step.stiffness @ bent, step.sideways, step.along @ bent], axis=2)  # (N, 12, 4)
+        speed, *pull, along = (loads.transpose(0, 2, 1) @ ends).transpose(1, 0, 2)  # each (N, R)
+        flows = [self._flow_slope(parameters, step, name) for name in ("hardening", "rest")]
+        slope[place[: len(GLOBAL)]] += np.stack(
+            [moved[rows], *(part.sum(axis=0) for part in pull), *(flow @ speed for flow in flows), -along.sum(axis=0)]
+        )
         if len(self.values) > len(GLOBAL):
             count = self.model.design.strut_count
             for block, part in enumerate((speed, *pull)):
-                result[:, len(GLOBAL) + block * count + step.struts] = part
-        return result
+                slope[place[len(GLOBAL) + block * count + step.standing.struts]] += part
 
     def _flow_slope(self, parameters: CreepParameters, step: CreepStep, name: str, change: float = 1e-4) -> np.ndarray:
         """Derivative (N,) of the logarithm of the struts' flow by the logarithm of a parameter."""

@@ -33,6 +33,25 @@ class PrintStep:
     batches: int
 
 
+@dataclass(frozen=True, eq=False)
+class Movement:
+    """How a print is forecast to move until it is finished.
+
+    Attributes
+    ----------
+    began : (V, 3) array, mm
+        Where its joints are, and those that are still to come shall be laid.
+    joints : (V, 3) array, mm
+        How they move, each from when it is there.
+    bows : (E, 2, 3) array, mm
+        How the struts' inner control points move beyond what their ends do.
+    """
+
+    began: np.ndarray
+    joints: np.ndarray
+    bows: np.ndarray
+
+
 def steps_of(batches: Sequence[np.ndarray]) -> list[PrintStep]:
     """The batches, those further on put together."""
     near, far = np.arange(min(NEAR_STEPS, len(batches))), np.arange(NEAR_STEPS, len(batches))
@@ -45,8 +64,8 @@ def resized_steps(
     state: PrintState,
     steps: Sequence[PrintStep],
     size_in: Callable[[PrintStep, np.ndarray], int],
-) -> list[PrintStep]:
-    """The steps with as many batches in each as there will be once their sizes suit how the print moves.
+) -> tuple[list[PrintStep], Movement]:
+    """The steps with as many batches in each as there will be once their sizes suit how the print moves, and this.
 
     Each batch ends with a pause, and a print that takes longer sags further.
 
@@ -60,35 +79,29 @@ def resized_steps(
         How many struts a batch of a step shall have, where joints drift (V, 3) mm with each strut that is laid.
     """
     edges, result, waiting = fit.model.design.edges, [], list(steps)
+    began, bows = state.points, np.zeros((len(state.laid), 2, 3))
     while waiting:
-        step = waiting.pop(0)
-        then = _after(fit, state, step)
+        step, bowed = waiting.pop(0), bows.copy()
+        then = _after(fit, state, step, bowed)
         size = size_in(step, drift_between(state, then, edges[step.struts]))
         resized = PrintStep(step.struts, -(-len(step.struts) // size))
         if step.batches == 1 and resized.batches > 1:  # what is too much for it makes the next one
             resized = PrintStep(step.struts[:size], 1)
             waiting.insert(0, PrintStep(step.struts[size:], 1))
-        same = resized.batches == step.batches and len(resized.struts) == len(step.struts)
-        state = then if same else _after(fit, state, resized)
+        if resized.batches == step.batches and len(resized.struts) == len(step.struts):
+            state, bows = then, bowed
+        else:
+            state = _after(fit, state, resized, bows)
         result.append(resized)
-    return result
+    return result, Movement(began, state.points - began, bows)
 
 
-def remaining_movement(
-    fit: MaterialFit, state: PrintState, steps: Sequence[PrintStep]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Forecast how a print moves until it is finished.
-
-    Returns
-    -------
-    joints, bows
-        (V, 3) array, mm, each from when it is there; and (E, 2, 3) array, mm, of the struts' inner control points
-        beyond what their ends do.
-    """
+def remaining_movement(fit: MaterialFit, state: PrintState, steps: Sequence[PrintStep]) -> Movement:
+    """Forecast how a print moves until it is finished."""
     began, bows = state.points, np.zeros((len(state.laid), 2, 3))
     for step in steps:
         state = _after(fit, state, step, bows)
-    return state.points - began, bows
+    return Movement(began, state.points - began, bows)
 
 
 def drift_between(before: PrintState, after: PrintState, ends: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.cameras import Camera
+from frametwin.capture.capture import read_capture
 from frametwin.errors import Doubt, InputError
 from frametwin.fields.base import DeformationField
 from frametwin.files import PathLike, write_json
@@ -22,7 +23,7 @@ from frametwin.fitting.plate_cameras import through_plate
 from frametwin.formats import frame_json
 from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.imaging.view_masks import read_view_masks
+from frametwin.imaging.view_masks import MasksOfCapture, read_view_masks
 from frametwin.printing.adaptation.adapt import adapt, lost_struts
 from frametwin.printing.adaptation.batch_fit import BatchFit, fit_batch
 from frametwin.printing.adaptation.compensation import SagForecast, compensate
@@ -176,8 +177,11 @@ def answer_batch(
     capture: PathLike | None,
     options: AnswerOptions,
     progress: ProgressCallback | None = None,
+    looked: MasksOfCapture | None = None,
 ) -> NextBatch | None:
     """Write everything of an answer into a folder that exists and is empty.
+
+    ``looked`` are masks of pictures that were there before, and are used again where they are still the same.
 
     Returns
     -------
@@ -202,7 +206,7 @@ def answer_batch(
         if step.settings.adapt:
             doubts = guards.doubts_of_capture(taken, step.expected, step.earlier, step.settings.limits)
             hold(capture, doubts, options.accept)
-        found = _find(taken, step, options, progress) if wanted else None
+        found = _find(taken, step, options, progress, looked) if wanted else None
     going = _continuation(step, found, options)
     if found is not None and step.settings.adapt:
         doubts += _doubts(step, found, going)
@@ -226,7 +230,25 @@ def answer_batch(
     return NextBatch.after(going.adapted, going.sequence, following, going.seen, step.settings, contact, going.forecast)
 
 
-def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progress: ProgressCallback | None) -> _Found:
+def look_ahead(step: AnsweredStep, capture: PathLike) -> MasksOfCapture:
+    """Read pictures that may be those of a batch, before it is answered with them.
+
+    Raises
+    ------
+    InputError
+        If the capture cannot be used, or not yet.
+    """
+    read = read_capture(capture, step.expected.frame)
+    return MasksOfCapture(read, read_view_masks(read))
+
+
+def _find(
+    taken: BatchCapture,
+    step: AnsweredStep,
+    options: AnswerOptions,
+    progress: ProgressCallback | None,
+    before: MasksOfCapture | None,
+) -> _Found:
     """Read the pictures, find the twin, and move what is still to come."""
     laps = [perf_counter()]
     frame = step.expected.frame
@@ -249,7 +271,8 @@ def _find(taken: BatchCapture, step: AnsweredStep, options: AnswerOptions, progr
 
     placed = None if freedom == "exact" else through_plate(taken.capture, RigErrors(), progress)
     capture = taken.capture if placed is None else placed.capture
-    seen = read_view_masks(capture, progress=progress)
+    known = None if before is None or capture is not taken.capture else before.of(capture)  # a plate moves cameras
+    seen = read_view_masks(capture, progress=progress) if known is None else known
     laps.append(perf_counter())
     looked = fit_by_turns(capture, seen, fitted)
     fit = looked.result

@@ -103,11 +103,12 @@ class CreepForecast:
         state = PrintState.before(self.plan, self.laid_at, self.clock)
         start = self.design.vertices if targets is None else targets
         steps = steps_of([sequence.struts[sequence.batch == k] for k in range(batch, sequence.batch_count)])
+        moves = None
         if resize and self.fit.trust >= LEAST_TRUST:
             at = replace(state, points=np.where(state.there[:, None], state.points, start))
-            steps = resized_steps(self.fit, at, steps, self._size_in)
+            steps, moves = resized_steps(self.fit, at, steps, self._size_in)
         own = without_last(self.design.strut_count, self.coupon)
-        return aimed(self.design, self.plan, start, self.fit, state, steps, own)
+        return aimed(self.design, self.plan, start, self.fit, state, steps, own, moves)
 
     def resized(self, sequence: PrintSequence, batch: int) -> PrintSequence:
         """The order with as many struts in a batch as suit the drift that is expected while it is laid."""

@@ -24,6 +24,7 @@ from frametwin.errors import FrameTwinError, InputError
 from frametwin.files import PathLike, read_json, staged_directory, synced_together, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.imaging.view_masks import MasksOfCapture
 from frametwin.printing.adaptation.anticipation import HISTORY, Anticipation
 from frametwin.printing.adaptation.compensation import SagForecast
 from frametwin.printing.adaptation.material_file import read_material, write_material
@@ -31,7 +32,7 @@ from frametwin.printing.adaptation.material_fit import MaterialEstimate
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.printing.job import job_files as files
-from frametwin.printing.job.answer import AnsweredStep, AnswerOptions, answer_batch
+from frametwin.printing.job.answer import AnsweredStep, AnswerOptions, answer_batch, look_ahead
 from frametwin.printing.job.creep_forecast import CreepForecast
 from frametwin.printing.job.guards import Expectation
 from frametwin.printing.job.job_files import JobFile, JobSettings
@@ -97,6 +98,7 @@ class PrintJob:
         self._forecasts: dict[int, CreepForecast] = {}
         self._observed: dict[int, Observation] = {}
         self._ready: tuple[int, Any, AnsweredStep] | None = None
+        self._looked: MasksOfCapture | None = None
 
     @classmethod
     def create(
@@ -266,13 +268,15 @@ class PrintJob:
                 stage.mkdir()
                 # The matrices are small: threads of the linear algebra would wait for each other, forecasts above all.
                 with synced_together(), threadpool_limits(limits=1, user_api="blas"):
-                    going = answer_batch(stage, self._step(batch), capture, options or AnswerOptions(), progress)
+                    step, looked = self._step(batch), self._looked
+                    going = answer_batch(stage, step, capture, options or AnswerOptions(), progress, looked)
                     if going is not None:
                         following.mkdir()
                         write_batch(following, going, self.settings, self.design)
                 report(progress, Progress("writing", 1, 1))  # the last moment at which nothing is done yet
                 self._commit(batch, stage, following)
                 self._forecasts = {} if going is None or going.forecast is None else {batch + 1: going.forecast}
+                self._looked = None
             except BaseException:
                 for folder in (stage, following):
                     shutil.rmtree(folder, ignore_errors=True)
@@ -284,15 +288,22 @@ class PrintJob:
         with suppress(JobBusy, OSError), self._locked():
             self._recover()
 
-    def prepare(self) -> None:
-        """Make ready what the next answer needs beside its pictures, while the robot prints; a matter of speed alone.
+    def prepare(self, capture: PathLike | None = None) -> None:
+        """Make ready what the next answer needs, while the robot prints; a matter of speed alone.
 
         What is damaged is told of by the answer.
+
+        Parameters
+        ----------
+        capture
+            Pictures that may be those of the current batch, and may still change: those that do not need not be read
+            again.
         """
         batch = self.current
         if batch is not None:
             with suppress(InputError, OSError):
-                self._step(batch)
+                step = self._step(batch)
+                self._looked = None if capture is None else look_ahead(step, capture)
 
     def _step(self, batch: int) -> AnsweredStep:
         """What an answer starts from; the one that was made before where the batch's files are still the same."""

@@ -72,6 +72,7 @@ class Watch:
         self._done: set[str] = set()  # folders that were answered, in this run or an earlier one
         self._refused: dict[str, tuple[int, Signature]] = {}  # for which batch, and as they were then
         self._seen: dict[str, tuple[Signature, float]] = {}  # and since when they are like that
+        self._prepared: Signature = ()  # of the folder whose pictures were read before their turn
         self._said = ""
 
     def run(self) -> list[dict[str, Any]]:
@@ -102,7 +103,7 @@ class Watch:
             if found is None:
                 place = f"in {self.captures}" if not why else f"({why})"
                 self._tell(f"Waiting for the pictures of batch {batch} of {total} {place}.")
-                time.sleep(min(self.poll, self.again) if soon else self.poll)
+                self._wait_for(soon)
                 continue
             answer = self._answer(found, batch)
             if answer is not None:
@@ -111,6 +112,14 @@ class Watch:
                 self.job.prepare()
         self._tell("The print is finished: all batches have been answered.")
         return reports
+
+    def _wait_for(self, folder: Path | None) -> None:
+        """Wait for the next look; meanwhile read the pictures of a folder that is whole, and may be taken then."""
+        until = time.monotonic() + (self.poll if folder is None else min(self.poll, self.again))
+        if folder is not None and self.raw is None and self._prepared != self._seen[folder.name][0]:
+            self._prepared = self._seen[folder.name][0]
+            self.job.prepare(folder)
+        time.sleep(max(0.0, until - time.monotonic()))
 
     def _answer(self, folder: Path, batch: int) -> dict[str, Any] | None:
         signature, _ = self._seen[folder.name]
@@ -137,9 +146,9 @@ class Watch:
             notes = {**self.options.notes, NOTE: self.raw.note(folder)}
             return self.job.answer(capture, replace(self.options, notes=notes), self.progress)
 
-    def _next_capture(self, batch: int) -> tuple[Path | None, str, bool]:
-        """The first folder that is complete and new, or why the first new one is not taken yet and may be soon."""
-        why, soon = "", False
+    def _next_capture(self, batch: int) -> tuple[Path | None, str, Path | None]:
+        """The first folder that is complete and new, or why the first new one is not, and what may be soon."""
+        why, soon = "", None
         for folder in sorted(path for path in self.captures.iterdir() if path.is_dir()):
             name = folder.name
             if name.startswith(".") or name in self._done:
@@ -151,11 +160,11 @@ class Watch:
             elif self._refused.get(name) == (batch, signature):
                 continue
             elif not settled:
-                why, soon = why or f"{name} is still growing", soon or whole
+                why, soon = why or f"{name} is still growing", soon or (folder if whole else None)
             elif self._answered_before(folder):
                 self._done.add(name)
             else:
-                return folder, "", False
+                return folder, "", None
         return None, why, soon
 
     def _settled(self, folder: Path, signature: Signature) -> tuple[bool, bool]:

@@ -10,17 +10,18 @@ print has by then: so a print that leans is loaded as one that leans.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
+from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import Sections, element_stiffness, loads_along_axes
 from frametwin.mechanics.blocks import BlockFactor, BlockPattern
 from frametwin.printing.process.calibration import LEAST_FLOW
 from frametwin.printing.process.material import PrintSettings, flowed_between
+
+beam_kernels = KeptLoops("frametwin.mechanics.beam_kernels")
 
 BUBBLE = 3.0 / 14.0 / 3.0 / 24.0
 """An even load q bows a clamped beam by q L^4 / (24 E I) (x (1 - x))^2. The parabola nearest to that, 3/14 x (1 - x),
@@ -99,6 +100,33 @@ class PrintState:
 
 
 @dataclass(frozen=True, eq=False)
+class Standing:
+    """The struts of a print that stand on the plate, by whatever way.
+
+    Attributes
+    ----------
+    struts : (N,) int64 array
+        What hangs in the air for want of a lost strut is not among them, and does not move.
+    edges : (N, 2) int64 array
+        Their joints.
+    free : (F,) int64 array
+        Rows of the joints that are not held, six for each joint.
+    pattern
+        Of the stiffness between these.
+    """
+
+    struts: np.ndarray
+    edges: np.ndarray
+    free: np.ndarray
+    pattern: BlockPattern
+
+    @property
+    def freedoms(self) -> np.ndarray:
+        """(N, 12) int64 array: rows of the struts' ends."""
+        return (6 * self.edges[:, :, None] + np.arange(6)).reshape(-1, 12)
+
+
+@dataclass(frozen=True, eq=False)
 class CreepStep:
     """The linear problem of some time in which struts creep.
 
@@ -106,31 +134,44 @@ class CreepStep:
     ----------
     moved : (V, 6) array
         Displacements in mm and rotations in rad of the joints.
-    struts : (N,) int64 array
-        Those that stand on the plate, by whatever way; what hangs in the air for want of a lost strut does not move.
-    freedoms : (N, 12) int64 array
-        Rows of the struts' ends.
-    stiffness, along : (N, 12, 12) array
-        Of each strut, and the part of it that is along the strut.
-    sideways : (N, 12, 2) array
-        Loads along x and y by a pull of 1.
-    free : (F,) int64 array
-        Rows that are not held.
+    standing
+        The struts, and which rows are free.
+    start, end : (N, 3) array, mm
+        Of the struts.
+    sections
+        Of the struts.
+    weight : (N,) array, N/mm
+        Of the struts.
     factor
-        Of the stiffness of those; ``None`` where nothing is free.
+        Of the stiffness of the free rows; ``None`` where nothing is free.
     ages : (2, N) array, s
         Of the struts, before and after.
     """
 
     moved: np.ndarray
-    struts: np.ndarray
-    freedoms: np.ndarray
-    stiffness: np.ndarray
-    along: np.ndarray
-    sideways: np.ndarray
-    free: np.ndarray
+    standing: Standing
+    start: np.ndarray
+    end: np.ndarray
+    sections: Sections
+    weight: np.ndarray
     factor: BlockFactor | None
     ages: np.ndarray
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """(N, 12, 12) array, of each strut."""
+        return element_stiffness(self.start, self.end, self.sections)
+
+    @property
+    def along(self) -> np.ndarray:
+        """(N, 12, 12) array: the part of the stiffness that is along the strut."""
+        none = np.zeros(len(self.weight))
+        return element_stiffness(self.start, self.end, Sections(self.sections.axial, none, none))
+
+    @property
+    def sideways(self) -> np.ndarray:
+        """(N, 12, 2) array: loads along x and y by a pull of 1."""
+        return loads_along_axes(self.start, self.end, self.weight)[:, :, :2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +188,11 @@ class CreepModel:
 
     design: Wireframe
     settings: PrintSettings
+
+    @cached_property
+    def furthest(self) -> float:
+        """That a joint moves in one step, mm; see `LARGEST_MOVE`."""
+        return LARGEST_MOVE * self.design.extent
 
     @property
     def seconds(self) -> float:
@@ -176,31 +222,29 @@ class CreepModel:
             To which is added by how much the inner control points of the struts move beyond what their ends do.
         """
         design, material = self.design, self.settings.material
-        struts, joints, pattern = _standing(design.edges.tobytes(), state.laid.tobytes(), design.grounded.tobytes())
-        edges, radius = design.edges[struts], design.radius[struts]
-        ages = np.maximum(np.stack([np.full(len(struts), since), np.full(len(struts), state.clock)]), 0.0)
+        standing = _standing(design.edges.tobytes(), state.laid.tobytes(), design.grounded.tobytes())
+        struts, edges, pattern = standing.struts, standing.edges, standing.pattern
+        radius, points = design.radius[struts], np.ascontiguousarray(state.points, dtype=np.float64)
+        ages = np.maximum(np.array([[since], [state.clock]]), 0.0)
         ages = np.maximum(ages - state.laid_at[struts], 0.0)
         soft = self.flow(parameters, ages) * parameters.speed[struts]
-        sections = Sections.round(radius, material.young / soft, material.shear / soft)
-        none = np.zeros(len(struts))
-        start, end = state.points[edges[:, 0]], state.points[edges[:, 1]]
-        along = element_stiffness(start, end, Sections(parameters.axial * sections.axial, none, none))
-        stiffness = along + element_stiffness(start, end, Sections(none, sections.bending, sections.twisting))
-        weight = (parameters.weight * material.weight * np.pi * radius**2)[:, None]
-        sideways = loads_along_axes(start, end, weight[:, 0])
-        pull = np.column_stack([parameters.pull[struts], -np.ones(len(struts))])
-        freedoms = (6 * edges[:, :, None] + np.arange(6)).reshape(-1, 12)
-        size = 6 * design.vertex_count
-        force = np.bincount(freedoms.ravel(), weights=np.einsum("nfk,nk->nf", sideways, pull).ravel(), minlength=size)
-        free = (6 * joints[:, None] + np.arange(6)).ravel()
-        moved, factor = np.zeros(size), None
-        if len(free):
-            factor = pattern.elimination.factorise(pattern.summed(stiffness))
-            moved[free] = factor.solve(force[free])
-        moved = _bounded(moved.reshape(-1, 6), LARGEST_MOVE * design.extent)
+        solid = Sections.round(radius, material.young / soft, material.shear / soft)
+        sections = replace(solid, axial=parameters.axial * solid.axial)
+        weight = parameters.weight * material.weight * np.pi * radius**2
+        load = weight[:, None] * np.column_stack([parameters.pull[struts], -np.ones(len(struts))])
+        entries, moved, factor = np.empty(36 * len(pattern.rows) + 1), np.zeros(6 * design.vertex_count), None
+        force, stiff = np.empty(len(moved)), np.stack([sections.axial, sections.bending, sections.twisting])
+        beam_kernels.assemble(points, edges, stiff, load, pattern.slots, entries, force)
+        if len(standing.free):
+            factor = pattern.elimination.factorise(entries[:-1])
+            moved[standing.free] = factor.solve(force[standing.free])
+        moved = _bounded(moved.reshape(-1, 6), self.furthest)
         if bows is not None:
-            bows[struts] += _bows(start, end, moved[edges], weight * pull, sections.bending)
-        return CreepStep(moved, struts, freedoms, stiffness, along, sideways[:, :, :2], free, factor, ages)
+            own = np.empty((len(struts), 2, 3))
+            beam_kernels.bows(points, edges, sections.bending, load, moved, np.array([BUBBLE]), own)
+            bows[struts] += own
+        start, end = points[edges[:, 0]], points[edges[:, 1]]
+        return CreepStep(moved, standing, start, end, sections, weight, factor, ages)
 
     def after(
         self,
@@ -227,47 +271,29 @@ class CreepModel:
 
 def _bounded(moved: np.ndarray, most: float) -> np.ndarray:
     """Movements (V, 6) none of which shifts a joint further than ``most`` mm; those without a value are left out."""
-    sound = np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0)
-    shift = np.linalg.norm(sound[:, :3], axis=1, keepdims=True)
+    sound = moved if np.isfinite(moved).all() else np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0)
+    shift = np.sqrt(np.sum(sound[:, :3] ** 2, axis=1, keepdims=True))
+    if shift.max(initial=0.0) <= most:
+        return sound
     return np.asarray(sound * np.minimum(1.0, most / np.maximum(shift, 1e-12)))
 
 
-@lru_cache(maxsize=48)
-def _standing(edges: bytes, laid: bytes, grounded: bytes) -> tuple[np.ndarray, np.ndarray, BlockPattern]:
-    """Struts that stand on the plate, joints of them that are free, and the pattern of the stiffness between these.
+@lru_cache(maxsize=96)
+def _standing(edges: bytes, laid: bytes, grounded: bytes) -> Standing:
+    """The struts of a print that stand on the plate.
 
     From edges (E, 2) of int64, and laid (E,) and grounded (V,) of bool, as bytes: the forecasts of a print, round after
     round and answer after answer, come by the same ones.
     """
     ends, on_plate = np.frombuffer(edges, dtype=np.int64).reshape(-1, 2), np.frombuffer(grounded, dtype=bool)
     struts = np.flatnonzero(np.frombuffer(laid, dtype=bool))
-    struts = struts[_held_up(ends[struts], on_plate)]
-    joints = np.setdiff1d(ends[struts], np.flatnonzero(on_plate))
+    held_up = np.empty(len(struts), dtype=bool)
+    beam_kernels.reached(ends[struts], on_plate, held_up)
+    struts = struts[held_up]
+    there = np.zeros(len(on_plate), dtype=bool)
+    there[ends[struts]] = True
+    joints = np.flatnonzero(there & ~on_plate)
     place = np.full(len(on_plate), -1)
     place[joints] = np.arange(len(joints))
-    return struts, joints, BlockPattern.of(place[ends[struts]], len(joints))
-
-
-def _held_up(edges: np.ndarray, grounded: np.ndarray) -> np.ndarray:
-    """(N,) bool: which of the struts (N, 2) reach a grounded joint by way of each other."""
-    count = len(grounded)
-    joined = sparse.coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    _, piece = connected_components(joined, directed=False)
-    return np.asarray(np.isin(piece[edges[:, 0]], piece[grounded]))
-
-
-def _bows(start: np.ndarray, end: np.ndarray, moved: np.ndarray, load: np.ndarray, bending: np.ndarray) -> np.ndarray:
-    """(N, 2, 3) mm by which the inner control points of beams move across them, beyond what their ends (N, 2, 6) do."""
-    axis = end - start
-    length = np.linalg.norm(axis, axis=1, keepdims=True)
-    tangent = axis / length
-
-    def across(vectors: np.ndarray) -> np.ndarray:
-        part: np.ndarray = vectors - np.sum(vectors * tangent, axis=1, keepdims=True) * tangent
-        return part
-
-    slant = across(moved[:, 0, :3] - moved[:, 1, :3]) / 3.0
-    hung = BUBBLE * across(load) * length**4 / bending[:, None]
-    first = slant + length / 3.0 * np.cross(moved[:, 0, 3:], tangent) + hung
-    last = -slant - length / 3.0 * np.cross(moved[:, 1, 3:], tangent) + hung
-    return np.stack([first, last], axis=1)
+    free = (6 * joints[:, None] + np.arange(6)).ravel()
+    return Standing(struts, ends[struts], free, BlockPattern.of(place[ends[struts]], len(joints)))

@@ -81,7 +81,7 @@ class StrutChords:
         return self.start, self.end, self.first, self.thickness, self.slack, self.centre, self.reach
 
 
-def joined_struts(frame: Wireframe, chords: StrutChords | None = None) -> np.ndarray:
+def joined_struts(frame: Wireframe, chords: StrutChords | None = None, struts: np.ndarray | None = None) -> np.ndarray:
     """Find pairs of struts that the design joins: they share a joint, or run into each other.
 
     Parameters
@@ -90,15 +90,18 @@ def joined_struts(frame: Wireframe, chords: StrutChords | None = None) -> np.nda
         The design, or a plan.
     chords
         Of the frame, where they are known.
+    struts : (N,) int64 array, optional
+        Those whose partners are looked for, all E by default.
 
     Returns
     -------
-    (E, E) bool array
-        ``False`` on the diagonal.
+    (N, E) bool array
+        No strut is joined to itself.
     """
     chords = StrutChords.of(frame.control_points, frame.radius) if chords is None else chords
-    joined = np.zeros((frame.strut_count,) * 2, dtype=bool)
-    mark_joined(frame.edges, frame.radius, chords.arrays, JOINED, joined)
+    struts = np.arange(frame.strut_count) if struts is None else struts
+    joined = np.zeros((len(struts), frame.strut_count), dtype=bool)
+    mark_joined(frame.edges, frame.radius, chords.arrays, JOINED, struts, joined)
     return joined
 
 

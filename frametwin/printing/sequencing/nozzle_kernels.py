@@ -168,15 +168,17 @@ def _segment_distance(p: np.ndarray, d: np.ndarray, q: np.ndarray, e: np.ndarray
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
-def mark_joined(edges, radius, chords, factor, joined):  # type: ignore[no-untyped-def]
-    """Set in ``joined`` which struts share a joint or come within ``factor`` sums of radii; see `joined_struts`."""
+def mark_joined(edges, radius, chords, factor, struts, joined):  # type: ignore[no-untyped-def]
+    """Set in ``joined`` (n, E) which others share a joint with some struts (n,), or come within ``factor`` sums of
+    radii; see `joined_struts`."""
     start, end, first, thickness, slack, centre, reach = chords
-    for i in nb.prange(joined.shape[0]):
-        for j in range(joined.shape[0]):
+    for n in nb.prange(joined.shape[0]):
+        i = struts[n]
+        for j in range(joined.shape[1]):
             if i == j:
                 continue
             if (edges[i] == edges[j, 0]).any() or (edges[i] == edges[j, 1]).any():
-                joined[i, j] = True
+                joined[n, j] = True
                 continue
             limit = factor * (radius[i] + radius[j]) + slack[i] + slack[j]
             if np.sqrt(((centre[i] - centre[j]) ** 2).sum()) > reach[i] + reach[j] + limit:
@@ -185,4 +187,4 @@ def mark_joined(edges, radius, chords, factor, joined):  # type: ignore[no-untyp
                 for q in range(first[j], first[j + 1]):
                     gap = _segment_distance(start[p], end[p] - start[p], start[q], end[q] - start[q])
                     if gap < limit:
-                        joined[i, j] = True
+                        joined[n, j] = True

@@ -27,7 +27,9 @@ def plate_height(frame: Wireframe) -> float:
     return float(min(lowest, frame.bounds[0, 2])) - float(np.median(frame.radius))
 
 
-def allowed_orientations(frame: Wireframe, nozzle: Nozzle, axes: np.ndarray) -> np.ndarray:
+def allowed_orientations(
+    frame: Wireframe, nozzle: Nozzle, axes: np.ndarray, struts: np.ndarray | None = None
+) -> np.ndarray:
     """Find the tool orientations that spare the plate and the part of the strut that is laid already.
 
     Parameters
@@ -36,25 +38,29 @@ def allowed_orientations(frame: Wireframe, nozzle: Nozzle, axes: np.ndarray) -> 
         The struts and the tool.
     axes : (D, 3) array
         Unit vectors, the orientations to try.
+    struts : (N,) int64 array, optional
+        Those that are looked at, all E by default.
 
     Returns
     -------
-    (E, D, 2) bool array
+    (N, D, 2) bool array
         Strut, orientation, and the end at which the strut is begun: its first or its second.
     """
-    low = bezier.evaluate(frame.control_points, np.linspace(0.0, 1.0, 17))[..., 2].min(axis=1)  # (E,)
+    struts = np.arange(frame.strut_count) if struts is None else struts
+    curves, radius = frame.control_points[struts], frame.radius[struts]
+    low = bezier.evaluate(curves, np.linspace(0.0, 1.0, 17))[..., 2].min(axis=1)  # (N,)
     drop = np.minimum(0.0, nozzle.lowest(np.array([0.0, 0.0, 1.0]), axes))  # (D,)
     above = low[:, None] + drop >= plate_height(frame) - 1e-9 * frame.extent
-    counts = np.maximum(2, np.ceil(frame.lengths / (STEP * frame.radius))).astype(np.int64)
-    result = np.zeros((frame.strut_count, len(axes), 2), dtype=bool)
+    counts = np.maximum(2, np.ceil(frame.lengths[struts] / (STEP * radius))).astype(np.int64)
+    result = np.zeros((len(struts), len(axes), 2), dtype=bool)
     for count in np.unique(counts):
-        struts = np.flatnonzero(counts == count)
-        points = bezier.evaluate(frame.control_points[struts], np.linspace(0.0, 1.0, count + 1))
+        chosen = np.flatnonzero(counts == count)
+        points = bezier.evaluate(curves[chosen], np.linspace(0.0, 1.0, count + 1))
         gap = np.linalg.norm(np.diff(points, axis=1), axis=2).max(axis=1)
-        margin = frame.radius[struts] + nozzle.clearance + 0.5 * gap  # points between the samples are that far at most
+        margin = radius[chosen] + nozzle.clearance + 0.5 * gap  # points between the samples are that far at most
         for side in range(2):
             directed = np.ascontiguousarray(points[:, ::-1] if side else points)
-            result[struts, :, side] = spares_itself(directed, margin, axes, nozzle.profile, nozzle.bead)
+            result[chosen, :, side] = spares_itself(directed, margin, axes, nozzle.profile, nozzle.bead)
     return result & above[:, :, None]
 
 

@@ -64,7 +64,7 @@ def checked_axes(
     when = np.full(plan.strut_count, len(sequence))
     when[sequence.struts] = np.arange(len(sequence))
     before = when[None, :] < place[:, None]
-    joined = joined_struts(plan)[struts]
+    joined = joined_struts(plan, struts=struts)
     side = (plan.edges[struts, 0] != sequence.start[place]).astype(np.int64)
     hit = struts_hit(plan, nozzle, struts, axis[:, None], before, joined)[:, 0].any(axis=1)
     bad = np.flatnonzero(hit | ~_still_allowed(plan, nozzle, struts, axis, side))
@@ -98,7 +98,7 @@ def _still_allowed(
 ) -> np.ndarray:
     """(N,) bool: the planned axis still spares the plate and the strut itself."""
     axes, which = np.unique(axis, axis=0, return_inverse=True)
-    return allowed_orientations(plan, nozzle, axes)[struts, which.ravel(), side]
+    return allowed_orientations(plan, nozzle, axes, struts)[np.arange(len(struts)), which.ravel(), side]
 
 
 def _nearest(
