@@ -10,7 +10,10 @@ import numpy as np
 
 from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting import presence
+from frametwin.fitting.camera_freedoms import FREEDOMS, CameraPrior, RigErrors, camera_terms, rig_covariances
+from frametwin.fitting.camera_steps import reduced_system
 from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.motion import free_step, joint_system, start_pose
 from frametwin.geometry.parametric import half_bowl
 from frametwin.printing.job.check import check_job
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
@@ -76,6 +79,17 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
         elastic = ElasticFrame(frame)
         elastic.solve(elastic.assemble(elastic.stiffness), np.zeros(6 * frame.vertex_count))
 
+    def small_systems() -> None:
+        elastic = ElasticFrame(frame)
+        pose, exact = start_pose(elastic), np.zeros((len(cameras), FREEDOMS))
+        terms = rods.gauss_newton_by_view(drawn, level)
+        matrix, _ = joint_system(elastic, terms.summed())
+        elastic.in_motions(matrix, np.zeros((6 * frame.vertex_count, 1), dtype=np.float32))
+        free_step(elastic, terms.summed(), pose, pose, 1.0, 1.0)
+        known = (exact, CameraPrior.of(rig_covariances(cameras, RigErrors())))
+        coupling = camera_terms(drawn, terms, level.cameras, np.ones(len(cameras)))
+        reduced_system(elastic, terms.summed(), coupling, (pose, pose), known, (1.0, 1.0))
+
     def print_job() -> None:
         with scratch_folder() as scratch:
             check_job(plan_job(scratch / "job", frame, PlanOptions(allow_contact=True)))
@@ -86,5 +100,6 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
         ("steps of the fit", lambda: rods.gauss_newton(drawn, level)),
         ("what is there of a strut", lambda: presence.strut_whiteness(drawn, level)),
         ("factors of a frame's stiffness", factors),
+        ("systems of struts and cameras", small_systems),
         ("orders and checks of prints", print_job),
     ]
