@@ -18,13 +18,19 @@ from typing import Annotated
 import numpy as np
 
 from frametwin.cameras import Camera
+from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.ranges import check_settings, within
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, ViewTerms
 
+step_kernels = KeptLoops("frametwin.fitting.step_kernels")
+
 TURN, SHIFT, FOCAL, CENTRE, LENS = slice(0, 3), slice(3, 6), 6, slice(7, 9), 9
 FREEDOMS = 10
+
+PARTS = 16
+"""Into so many parts sums over all struts are divided, for threads to share."""
 
 NOISE = 0.15
 """Standard deviation of a pixel on an edge, which also stands for what the model leaves out."""
@@ -206,22 +212,28 @@ def camera_terms(drawn: Rods, terms: ViewTerms, packed: np.ndarray, scales: np.n
     packed : (N, 17) the cameras of the level.
     scales : (N,) pixels of the level to one of the full picture.
     """
-    count, views = terms.hessian.shape[:2]
-    vertices = len(drawn.joints)
-    matrix, gradient = np.zeros((views, FREEDOMS, FREEDOMS)), np.zeros((views, FREEDOMS))
-    struts, joints = np.zeros((count, 12, views, FREEDOMS)), np.zeros((vertices, 3, views, FREEDOMS))
-    for v in range(views):
-        motion = view_motions(drawn.control_points, packed[v], scales[v]).reshape(count, 12, FREEDOMS)
-        coupled = np.matmul(terms.hessian[:, v], motion)
-        struts[:, :, v] = coupled
-        matrix[v] += np.einsum("eaf,eag->fg", motion, coupled, optimize=True)
-        gradient[v] += np.einsum("eaf,ea->f", motion, terms.gradient[:, v], optimize=True)
-        motion = view_motions(drawn.joints, packed[v], scales[v])
-        coupled = np.matmul(terms.joint_hessian[:, v], motion)
-        joints[:, :, v] = coupled
-        matrix[v] += np.einsum("vaf,vag->fg", motion, coupled, optimize=True)
-        gradient[v] += np.einsum("vaf,va->f", motion, terms.joint_gradient[:, v], optimize=True)
-    return CameraTerms(matrix, gradient, struts, joints)
+    of_struts = _coupled(drawn.control_points, terms.hessian, terms.gradient, packed, scales)
+    of_joints = _coupled(drawn.joints[:, None], terms.joint_hessian, terms.joint_gradient, packed, scales)
+    return CameraTerms(of_struts[1] + of_joints[1], of_struts[2] + of_joints[2], of_struts[0], of_joints[0])
+
+
+def _coupled(
+    points: np.ndarray, hessian: np.ndarray, gradient: np.ndarray, packed: np.ndarray, scales: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of groups of points (E, P, 3): coupling (E, 3P, N, 10), matrix (N, 10, 10) and gradient (N, 10) of cameras."""
+    (count, many), views = points.shape[:2], len(packed)
+    motions = np.array([view_motions(points, packed[v], scales[v]) for v in range(views)])
+    coupled = np.empty((count, 3 * many, views, FREEDOMS))
+    matrices, slopes = np.empty((PARTS, views, FREEDOMS, FREEDOMS)), np.empty((PARTS, views, FREEDOMS))
+    step_kernels.couple_cameras(
+        motions.reshape(views, count, 3 * many, FREEDOMS),
+        np.ascontiguousarray(hessian),
+        np.ascontiguousarray(gradient),
+        coupled,
+        matrices,
+        slopes,
+    )
+    return coupled, matrices.sum(axis=0), slopes.sum(axis=0)
 
 
 def coupling_to_freedoms(elastic: ElasticFrame, terms: CameraTerms) -> np.ndarray:

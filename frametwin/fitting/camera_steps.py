@@ -10,6 +10,7 @@ import numpy as np
 from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.fitting.camera_freedoms import (
     FREEDOMS,
+    PARTS,
     CameraPrior,
     CameraTerms,
     camera_terms,
@@ -24,9 +25,6 @@ from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Terms, ViewTerms
 
 step_kernels = KeptLoops("frametwin.fitting.step_kernels")
-
-PARTS = 16
-"""Into so many parts sums over all struts are divided, for threads to share."""
 
 
 def smooth_descent(

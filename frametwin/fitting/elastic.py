@@ -142,9 +142,9 @@ class ElasticFrame:
 
     def displaced(self, control_points: np.ndarray, joints: np.ndarray, inner: np.ndarray) -> np.ndarray:
         """Control points (E, 4, 3) after the joints' freedoms (V, 6) and the struts' own (E, 6)."""
-        ends = joints.ravel()[self.freedoms]
-        moved = control_points + np.matmul(self.follow, ends[:, :, None])[:, :, 0].reshape(-1, 4, 3)
-        moved[:, 1:3] += inner.reshape(-1, 2, 3)
+        moved = np.empty(control_points.shape)
+        given = (joints, inner, control_points)
+        step_kernels.displace(self.follow, self.edges, *(np.ascontiguousarray(one) for one in given), moved)
         return moved
 
     def freedoms_of(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,9 @@ step_kernels = KeptLoops("frametwin.fitting.step_kernels")
 GROUND = 300.0
 """Stiffness by which a grounded joint sticks to the plate, relative to the median strut's sideways one: enough to
 keep feet that no view shows, and nothing against feet that are seen."""
+
+PARTS = 2
+"""Parts of the joints of which products with motions are taken together."""
 
 TOGETHER = 16
 """Pairs of joints that are solved for at a time."""
@@ -102,7 +106,7 @@ def smooth_descent(
     for _ in range(stage.iterations):
         matrix, gradient = joint_system(elastic, terms)
         matrix.data += stiffness.data  # of the same pattern
-        reduced = (short.T @ elastic.in_motions(matrix, short)).astype(np.float64)
+        reduced = _between(short, elastic.in_motions(matrix, short)).astype(np.float64)
         slope = motions.T @ (gradient + stiffness @ pose.joints.ravel())
         diagonal = np.diag(reduced)
         bulk = np.diag(diagonal + 0.1 * diagonal.mean())
@@ -120,6 +124,13 @@ def smooth_descent(
         yield pose, terms.loss
         if fall < stage.gain * terms.loss:
             return
+
+
+def _between(motions: np.ndarray, products: np.ndarray) -> np.ndarray:
+    """(M, M) of motions and products (6V, M), by as many threads as parts of the rows; the linear algebra has one."""
+    parts = (np.array_split(one, PARTS) for one in (motions, products))
+    with ThreadPoolExecutor(PARTS) as pool:
+        return np.asarray(sum(pool.map(lambda one, other: one.T @ other, *parts)))
 
 
 def _capped(

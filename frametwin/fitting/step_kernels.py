@@ -22,21 +22,26 @@ U = np.uint64  # an index without a sign is not looked at for counting from the 
 
 
 @nb.njit(**HELPER)
-def _follow(hessian, follow, e, half, block):
-    """half (12, 12) = H F of strut e, and block (12, 12) = F^T H F."""
+def _follow(hessian, follow, e, turned, half, blocks):
+    """half (12, 12) = F^T H and blocks[e] = F^T H F of strut e, and ``turned`` (12, 12) = F^T.
+
+    All sums run along rows, and nothing is written within them: so they are taken in vector registers.
+    """
     for a in range(U(12)):
         for j in range(U(12)):
-            half[a, j], block[a, j] = 0.0, 0.0
-    for a in range(U(12)):
-        for b in range(U(12)):
-            weight = hessian[e, a, b]
-            for j in range(U(12)):
-                half[a, j] += weight * follow[e, b, j]
-    for b in range(U(12)):
+            turned[j, a] = follow[e, a, j]
+    for j in range(U(12)):
         for a in range(U(12)):
-            weight = follow[e, b, a]
-            for j in range(U(12)):
-                block[a, j] += weight * half[b, j]
+            total = 0.0
+            for b in range(U(12)):
+                total += hessian[e, a, b] * turned[j, b]
+            half[j, a] = total
+    for a in range(U(12)):
+        for j in range(U(12)):
+            total = 0.0
+            for b in range(U(12)):
+                total += half[a, b] * turned[j, b]
+            blocks[e, a, j] = total
 
 
 @nb.njit(**HELPER)
@@ -64,13 +69,13 @@ def _solve_own(inner, right, many):
 def follow_joints(hessian, gradient, follow, blocks, slopes):
     """blocks (E, 12, 12) = F^T H F and slopes (E, 12) = F^T g, out, of struts that follow their joints alone."""
     for e in nb.prange(hessian.shape[0]):
-        half = np.empty((12, 12))
-        _follow(hessian, follow, U(e), half, blocks[e])
+        turned, half = np.empty((12, 12)), np.empty((12, 12))
+        _follow(hessian, follow, U(e), turned, half, blocks)
         for j in range(U(12)):
-            slopes[e, j] = 0.0
-        for b in range(U(12)):
-            for j in range(U(12)):
-                slopes[e, j] += follow[e, b, j] * gradient[e, b]
+            slope = 0.0
+            for b in range(U(12)):
+                slope += turned[j, b] * gradient[e, b]
+            slopes[e, j] = slope
 
 
 @nb.njit(parallel=True, **FAST)
@@ -84,28 +89,28 @@ def eliminate(hessian, gradient, follow, stiffness, inner_stiffness, away, bent,
     where these rest, likewise.
     """
     for e in nb.prange(hessian.shape[0]):
-        half, inner, right = np.empty((12, 12)), np.empty((6, 6)), np.empty((6, 13))
-        block, slope = blocks[e], slopes[e]
-        _follow(hessian, follow, U(e), half, block)
+        turned, half = np.empty((12, 12)), np.empty((12, 12))
+        inner, right, slopes_of = np.empty((6, 6)), np.empty((6, 13)), np.empty(6)
+        _follow(hessian, follow, U(e), turned, half, blocks)
         _own_system(hessian, gradient, inner_stiffness, bent, weights, U(e), half, inner, right)
-        for j in range(U(12)):
-            slope[j] = 0.0
-        for b in range(U(12)):
-            for j in range(U(12)):
-                slope[j] += follow[e, b, j] * gradient[e, b] + weights[1] * stiffness[e, b, j] * away[e, b]
-                block[b, j] += weights[0] * stiffness[e, b, j]
-        slopes_of = np.empty(6)
         for i in range(U(6)):
             slopes_of[i] = right[i, U(12)]
         _solve_own(inner, right, 13)
+        for a in range(U(12)):
+            slope = 0.0
+            for b in range(U(12)):
+                slope += turned[a, b] * gradient[e, b] + weights[1] * stiffness[e, a, b] * away[e, b]
+            for i in range(U(6)):
+                follows[e, i, a] = right[i, a]
+                slope -= right[i, a] * slopes_of[i]
+            slopes[e, a] = slope
+            for j in range(U(12)):
+                less = weights[0] * stiffness[e, a, j]
+                for i in range(U(6)):
+                    less -= half[a, U(3) + i] * right[i, j]
+                blocks[e, a, j] += less
         for i in range(U(6)):
             own[e, i] = right[i, U(12)]
-            for a in range(U(12)):
-                follows[e, i, a] = right[i, a]
-                slope[a] -= right[i, a] * slopes_of[i]
-                weight = half[U(3) + i, a]
-                for j in range(U(12)):
-                    block[a, j] -= weight * right[i, j]
 
 
 @nb.njit(**HELPER)
@@ -117,7 +122,7 @@ def _own_system(hessian, gradient, inner_stiffness, bent, weights, e, half, inne
             inner[i, j] = hessian[e, U(3) + i, U(3) + j] + weights[0] * inner_stiffness[e, i, j]
             slope += weights[1] * inner_stiffness[e, i, j] * bent[e, j]
         for j in range(U(12)):
-            right[i, j] = half[U(3) + i, j]
+            right[i, j] = half[j, U(3) + i]
         right[i, U(12)] = slope
 
 
@@ -133,10 +138,10 @@ def eliminate_with_cameras(
     """
     count, size, parts = hessian.shape[0], cameras.shape[2], sums.shape[0]
     for part in nb.prange(parts):
-        half, inner = np.empty((12, 12)), np.empty((6, 6))
+        turned, half, inner = np.empty((12, 12)), np.empty((12, 12)), np.empty((6, 6))
         for e in range(part * count // parts, (part + 1) * count // parts):
             block, side, right = blocks[e], sides[e], solved[e]
-            _follow(hessian, follow, U(e), half, block)
+            _follow(hessian, follow, U(e), turned, half, blocks)
             _own_system(hessian, gradient, inner_stiffness, bent, weights, U(e), half, inner, right)
             for i in range(U(6)):
                 for c in range(U(size)):
@@ -154,7 +159,7 @@ def eliminate_with_cameras(
                         side[a, U(1) + c] += weight * cameras[e, b, c]
             for i in range(U(6)):
                 for a in range(U(12)):
-                    weight = half[U(3) + i, a]
+                    weight = half[a, U(3) + i]
                     for j in range(U(12)):
                         block[a, j] -= weight * right[i, j]
                     for c in range(U(size + 1)):
@@ -193,3 +198,51 @@ def in_motions(starts, rows, entries, motions, product):
                     other = U(6 * rows[first + n] + j)
                     for m in range(U(size)):
                         product[row, m] += weight * motions[other, m]
+
+
+@nb.njit(parallel=True, **FAST)
+def couple_cameras(motions, hessian, gradient, coupled, matrices, slopes):
+    """What couples points to cameras, from the motions (N, E, A, 10) of them that look like those of each camera.
+
+    hessian (E, N, A, A) and gradient (E, N, A) are those of every view. Out:
+    coupled (E, A, N, 10), and for the sums over all points in S parts matrices (S, N, 10, 10) and slopes (S, N, 10).
+    """
+    views, count, size, many = motions.shape
+    parts = matrices.shape[0]
+    for part in nb.prange(parts):
+        products = np.empty((size, many))
+        for v in range(views):
+            for f in range(many):
+                slopes[part, v, f] = 0.0
+                for g in range(many):
+                    matrices[part, v, f, g] = 0.0
+        for e in range(part * count // parts, (part + 1) * count // parts):
+            for v in range(views):
+                for a in range(U(size)):
+                    for f in range(U(many)):
+                        products[a, f] = 0.0
+                    for b in range(U(size)):
+                        weight = hessian[e, v, a, b]
+                        for f in range(U(many)):
+                            products[a, f] += weight * motions[v, e, b, f]
+                for a in range(U(size)):
+                    for f in range(U(many)):
+                        weight = motions[v, e, a, f]
+                        coupled[e, a, v, f] = products[a, f]
+                        slopes[part, v, f] += weight * gradient[e, v, a]
+                        for g in range(U(many)):
+                            matrices[part, v, f, g] += weight * products[a, g]
+
+
+@nb.njit(parallel=True, **FAST)
+def displace(follow, edges, joints, inner, control_points, moved):
+    """moved (E, 4, 3) = control points (E, 4, 3) after the joints' freedoms (V, 6) and the struts' own (E, 6)."""
+    for e in nb.prange(follow.shape[0]):
+        for a in range(U(12)):
+            shift = 0.0
+            for end in range(2):
+                for j in range(U(6)):
+                    shift += follow[e, a, U(6 * end) + j] * joints[U(edges[e, end]), j]
+            if 3 <= a < 9:
+                shift += inner[e, a - U(3)]
+            moved[e, a // U(3), a % U(3)] = control_points[e, a // U(3), a % U(3)] + shift
