@@ -187,17 +187,19 @@ def in_motions(starts, rows, entries, motions, product):
     float32."""
     size = motions.shape[1]
     for v in nb.prange(len(starts) - 1):
-        first, high = starts[v], starts[v + 1] - starts[v]
+        first, high, sums = starts[v], starts[v + 1] - starts[v], np.empty(size)
         for i in range(6):
-            row = U(6 * v + i)
             for m in range(U(size)):
-                product[row, m] = np.float32(0.0)
+                sums[m] = 0.0
             for n in range(high):
                 for j in range(6):
-                    weight = np.float32(entries[36 * first + 6 * high * i + 6 * n + j])
+                    weight = entries[36 * first + 6 * high * i + 6 * n + j]
                     other = U(6 * rows[first + n] + j)
                     for m in range(U(size)):
-                        product[row, m] += weight * motions[other, m]
+                        sums[m] += weight * motions[other, m]
+            row = U(6 * v + i)
+            for m in range(U(size)):
+                product[row, m] = sums[m]
 
 
 @nb.njit(parallel=True, **FAST)
