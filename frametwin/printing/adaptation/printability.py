@@ -142,7 +142,7 @@ def _remedy(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray], jo
     cool = "print at half the speed, or cool so that struts harden in half the time"
     held = plan.grounded.copy()
     held[joint] = True
-    prop = f"put a temporary prop under joint {joint}, or print it with supports"
+    prop = f"put a temporary prop under joint {joint} (or try supports)"
     if _fall(fit, plan, plan.grounded, batches, COOLING) is None:
         return cool
     if _fall(fit, plan, held, batches, 1.0) is None:
