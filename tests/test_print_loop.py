@@ -208,7 +208,10 @@ def test_a_later_batch_of_which_nothing_is_left_leaves_its_number_out(half: tupl
     last = sequence.in_batch(1).struts
     again = laid_again(sequence, last, 1)
     assert again.batch_count == 3 and again.in_batch(2).struts.tolist() == last.tolist()
-    assert 1 not in again.batch and again.in_batch(0).struts.tolist() == sequence.in_batch(0).struts.tolist()
+    with pytest.raises(InputError, match="batch: 1 has no struts, or none that are not laid again"):
+        again.in_batch(1)
+    assert np.array_equal(np.bincount(cut_batches(again, 5).batch), [4, 4, 4, 4, 4, 4])
+    assert again.in_batch(0).struts.tolist() == sequence.in_batch(0).struts.tolist()
 
 
 def test_what_is_lost_in_the_last_batch_makes_one_more(half: tuple[Wireframe, PrintSequence]) -> None:

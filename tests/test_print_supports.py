@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,6 +75,32 @@ def test_what_stands_under_a_joint_leaves_no_room_for_a_column() -> None:
     assert 2 not in supportable(above).nonzero()[0]  # a strut passes below
 
 
+def test_columns_keep_clear_of_bent_thick_and_long_struts() -> None:
+    frame = arm(100.0)
+    foot = frame.vertex_count
+    assert supportable(frame)[4]
+
+    def with_strut(
+        ends: list[list[float]], curve: list[list[float]] | None, radius: float, top: int | None
+    ) -> Wireframe:
+        vertices = [*frame.vertices, *ends]
+        edges = [*frame.edges, [foot, foot + 1 if top is None else top]]
+        curves = np.concatenate([frame.control_points, bezier.straight(np.array(ends[:1]), np.array(ends[-1:]))])
+        if curve is not None:
+            curves[-1] = curve
+        radii = [*frame.radius, radius]
+        return Wireframe.create(vertices, edges, control_points=curves, radius=radii, name="arm")
+
+    tip = [100.0, 0.0, 40.0]
+    bent = [[150.0, 0.0, 0.0], [100.0, 0.0, 2.0], [100.0, 0.0, 15.0], tip]  # straight down from the tip at first
+    assert not supportable(with_strut(bent[:1], bent, 1.0, 4))[4]
+    beside = [[100.0, 4.5, 0.0], [100.0, 4.5, 20.0]]
+    assert supportable(with_strut(beside, None, 1.0, None))[4]
+    assert not supportable(with_strut(beside, None, 3.6, None))[4]  # its surface is as near as the other's axis
+    below = [[100.0, -290.0, 5.0], [100.0, 310.0, 30.0]]
+    assert not supportable(with_strut(below, None, 1.0, None))[4]
+
+
 def test_the_longer_of_two_arms_is_held_first() -> None:
     reach = [0.0, 20.0, 40.0, 60.0, -20.0, -40.0]
     vertices = [[0.0, 0.0, 0.0], *([x, 0.0, 40.0] for x in reach)]
@@ -87,9 +114,19 @@ def test_the_longer_of_two_arms_is_held_first() -> None:
 
 
 def test_a_frame_that_stands_by_itself_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="tower: supports: no joint that sags has room for a column"):
+    with pytest.raises(InputError, match="tower: supports: no joint has room for a column"):
         plan_job(tmp_path / "job", tower(2), PlanOptions(supports=2, allow_contact=True))
     assert not (tmp_path / "job").exists()
+
+
+def test_why_nothing_is_supported_is_told() -> None:
+    sequence = PrintSequence(np.arange(4), np.arange(4), np.tile([0.0, 0.0, 1.0], (4, 1)), np.arange(4))
+    with pytest.raises(InputError, match="tool cannot get past a column"):
+        supports_for(arm(), sequence, 2, lambda frame, order: False)
+    assert supports_for(arm(), sequence, 0) == []
+    floating = arm().replace(grounded=[False] * 5)
+    with pytest.raises(InputError, match="nothing stands on the plate"):
+        supportable(floating)
 
 
 @pytest.mark.parametrize("coupon", [0, 5])
@@ -172,7 +209,9 @@ def test_columns_are_told_of(tmp_path: Path) -> None:
     data = json.loads(CliRunner().invoke(cli, [*command, "--json"]).output)
     assert len(data["supported"]) == 2 and data["support_struts"] >= 2
     said = CliRunner().invoke(cli, [*command, "--overwrite"]).output
-    assert f"columns below joints {data['supported'][0]} and {data['supported'][1]}" in " ".join(said.split())
+    assert f"columns below joints {data['supported'][0]} and {data['supported'][1]};" in " ".join(said.split())
+    many = CliRunner().invoke(cli, [*command[:-3], "60", *command[-2:], "--overwrite"]).output
+    assert re.search(r"below joints [0-9, and]+ \([0-9]+ of 60: no further one helps\)", " ".join(many.split()))
 
 
 def test_jobs_from_before_there_were_supports_have_none(tmp_path: Path) -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
 from frametwin.cli.common import FOLDER, Positive
+from frametwin.wording import enumerated
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -200,6 +201,13 @@ def steering(way: str, anticipate: bool | None, compensate: bool | None, adapts:
         "anticipate": forecasts if anticipate is None else anticipate,
         "compensate": forecasts if compensate is None else compensate,
     }
+
+
+def supports_told(joints: Sequence[int], asked: int) -> str:
+    """What to tell of columns below some joints."""
+    where = f"{'a column' if len(joints) == 1 else 'columns'} below joint{'' if len(joints) == 1 else 's'}"
+    fewer = "" if len(joints) == asked else f" ({len(joints)} of {asked}: no further one helps)"
+    return f"{where} {enumerated(joints)}{fewer}; cut off when all has cooled"
 
 
 NOZZLE = ("tip_radius", "cone_length", "cone_radius", "body_radius")

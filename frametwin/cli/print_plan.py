@@ -28,8 +28,8 @@ from frametwin.cli.print_common import (
     read_base,
     split_nozzle,
     steering,
+    supports_told,
 )
-from frametwin.wording import enumerated
 
 
 @click.command("plan", short_help="Plan the order of a frame and write a job with its first batch.")
@@ -126,13 +126,13 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     added = ((data["coupon"], "a coupon"), (data["support_struts"], "temporary supports"))
     others = " and ".join(f"{count} of them {what}" for count, what in added if count)
     struts = f"{data['struts']} struts{others and f' ({others})'} in {data['batches']} batches"
-    columns = [("supports", f"columns below joints {enumerated(data['supported'])}; cut them off when all has cooled")]
+    supports = [("supports", supports_told(data["supported"], options.supports))] if data["supported"] else []
     low, high = (", ".join(f"{value:.0f}" for value in corner) for corner in data["workspace"])
     print_facts(
         f"job: {out}",
         [
             ("frame", f"{data['frame']}, {struts}"),
-            *(columns if data["supported"] else []),
+            *supports,
             ("workspace", f"from ({low}) to ({high}) mm in the robot's base, up to {data['max_speed']:g} mm/s"),
             ("first batch", f"{data['first']['struts']} struts, {data['first']['seconds'] / 60.0:.0f} min of printing"),
             *([] if arm is None else [("reach", f"a {ARMS[arm].name} takes all waypoints of it ({reach})")]),

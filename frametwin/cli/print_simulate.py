@@ -22,7 +22,15 @@ from frametwin.cli.common import (
 )
 from frametwin.cli.display import Display
 from frametwin.cli.job_page import page_option, write_page
-from frametwin.cli.print_common import NOZZLE, accept_option, loop_options, order_options, split_nozzle, steering
+from frametwin.cli.print_common import (
+    NOZZLE,
+    accept_option,
+    loop_options,
+    order_options,
+    split_nozzle,
+    steering,
+    supports_told,
+)
 
 if TYPE_CHECKING:
     from frametwin.printing.simulation.simulate import SimulatedPrint
@@ -150,10 +158,10 @@ def _simulate(options: SimulateOptions) -> None:
     if options.as_json:
         print_json({"out": options.out, **simulated.as_dict()})
     else:
-        _tell(options.out, simulated)
+        _tell(options.out, simulated, options.supports)
 
 
-def _tell(out: Path, simulated: SimulatedPrint) -> None:
+def _tell(out: Path, simulated: SimulatedPrint, asked: int) -> None:
     from frametwin.printing.simulation.simulate import verdict
 
     report = simulated.report
@@ -179,6 +187,8 @@ def _tell(out: Path, simulated: SimulatedPrint) -> None:
     facts.append(
         ("time", f"{sum(simulated.twin_seconds):.1f} s of twins in {sum(report.seconds) / 60.0:.0f} min of printing")
     )
+    if asked:
+        facts.append(("supports", supports_told(simulated.as_dict()["supported"], asked)))
     facts.append(("look at", f"{out / PICTURE}"))
     print_facts(f"job: {out}", facts)
 

@@ -149,7 +149,7 @@ def _remedy(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray], jo
         return prop
     if _fall(fit, plan, held, batches, COOLING) is None:
         return f"{cool}, and {prop}"
-    return "take thicker or shorter struts there, or print the frame in parts"
+    return "take thicker or shorter struts there, try supports or more of them, or print the frame in parts"
 
 
 def _fall(

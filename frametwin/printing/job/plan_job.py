@@ -318,7 +318,7 @@ def plan_order(
 
 def cut_batches(sequence: PrintSequence, most: int) -> PrintSequence:
     """The same order with batches of more than ``most`` struts cut into parts of nearly equal size."""
-    sizes = np.bincount(sequence.batch)
+    sizes = np.unique(sequence.batch, return_counts=True)[1]
     parts = [part for size in sizes for part in np.array_split(np.arange(size), -(-size // most))]
     numbers = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     return replace(sequence, batch=numbers, source="sequence")

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from frametwin.errors import InputError
 from frametwin.geometry.bezier import evaluate
 from frametwin.geometry.wireframe import Wireframe, straight_control_points
 from frametwin.printing.records.sequence import PrintSequence
@@ -20,13 +21,16 @@ LOWEST = 8.0
 """Height in radii of a strut from which a joint can have a column: lower ones hardly sag."""
 
 ROOM = 4.0
-"""Least distance between the axes of a column and of other struts, in radii."""
+"""Least distance between the axes of a column and of other struts of its radius, in radii."""
+
+BELOW, BESIDE = 6.0, 3.5
+"""Radii below its top from which a column keeps clear of the joint's own struts too, and by how many."""
 
 STEEP = 0.5
 """Run over rise of a strut below which nothing is put under its upper joint: that carries it, and is in the way."""
 
 SAMPLES = 25
-"""Points of each strut to which the distance is looked at."""
+"""Points of each strut between which it is taken to be straight."""
 
 
 def supportable(frame: Wireframe, columns: Sequence[int] = ()) -> np.ndarray:
@@ -38,6 +42,11 @@ def supportable(frame: Wireframe, columns: Sequence[int] = ()) -> np.ndarray:
         The design.
     columns
         Joints that have one already.
+
+    Raises
+    ------
+    InputError
+        If nothing of the frame stands on the plate.
     """
     result = np.zeros(frame.vertex_count, dtype=bool)
     plate, radius = _plate(frame), float(np.median(frame.radius))
@@ -47,12 +56,25 @@ def supportable(frame: Wireframe, columns: Sequence[int] = ()) -> np.ndarray:
     for joint in np.flatnonzero(high & (frame.degree > 0) & ~frame.grounded).tolist():
         place = frame.vertices[joint]
         own = (frame.edges == joint).any(axis=1)
-        others = points[~own & (points[..., 2].min(axis=1) < place[2] + ROOM * radius)].reshape(-1, 3)
-        others = others[others[:, 2] < place[2] + ROOM * radius, :2]
-        near = np.concatenate([others, taken])
-        free = not len(near) or float(np.linalg.norm(near - place[:2], axis=1).min()) > ROOM * radius
-        result[joint] = free and not _carried(frame, joint, own)
+        top = place[2] + np.where(own, -BELOW, ROOM) * radius
+        apart = _beside(points, top, place[:2])
+        least = np.where(own, BESIDE, ROOM) * radius + np.maximum(frame.radius - radius, 0.0)
+        clear = bool((apart > least).all()) and bool((np.linalg.norm(taken - place[:2], axis=1) > ROOM * radius).all())
+        result[joint] = clear and not _carried(frame, joint, own)
     return result
+
+
+def _beside(points: np.ndarray, top: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """(E,) array, mm: how far, seen from above, struts are from a place (2,), of what is of them below ``top`` (E,).
+
+    ``points`` (E, S, 3) are on the struts, and straight lines between them; infinite where nothing is below.
+    """
+    start, way = points[:, :-1, :2], np.diff(points[..., :2], axis=1)
+    square = np.maximum(np.sum(way**2, axis=2), 1e-12)
+    share = np.clip(np.sum((place - start) * way, axis=2) / square, 0.0, 1.0)
+    apart = np.linalg.norm(start + share[..., None] * way - place, axis=2)
+    low = np.minimum(points[:, :-1, 2], points[:, 1:, 2]) < top[:, None]
+    return np.asarray(np.where(low, apart, np.inf).min(axis=1))
 
 
 def _carried(frame: Wireframe, joint: int, own: np.ndarray) -> bool:
@@ -64,7 +86,10 @@ def _carried(frame: Wireframe, joint: int, own: np.ndarray) -> bool:
 
 def _plate(frame: Wireframe) -> float:
     """Height of the plate in mm: that of the lowest foot."""
-    return float(frame.vertices[frame.grounded & (frame.degree > 0), 2].min())
+    feet = frame.grounded & (frame.degree > 0)
+    if not feet.any():
+        raise InputError.at(frame.name, "grounded", "nothing stands on the plate", "mark what does as grounded")
+    return float(frame.vertices[feet, 2].min())
 
 
 def with_supports(frame: Wireframe, joints: Sequence[int]) -> Wireframe:
@@ -73,10 +98,15 @@ def with_supports(frame: Wireframe, joints: Sequence[int]) -> Wireframe:
     Parameters
     ----------
     frame
-        The design, with something on the plate.
+        The design.
     joints
         Under which; with none, the frame is given back. Each piece of a column is about as long as a typical strut,
         and in the first batch that a strut of the joint is in.
+
+    Raises
+    ------
+    InputError
+        If nothing of the frame stands on the plate.
     """
     if not len(joints):
         return frame

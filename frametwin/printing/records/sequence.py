@@ -70,8 +70,17 @@ class PrintSequence:
         return int(self.batch[-1]) + 1
 
     def in_batch(self, batch: int) -> PrintSequence:
-        """The struts of one batch alone, in their order, as batch 0."""
+        """The struts of one batch alone, in their order, as batch 0.
+
+        Raises
+        ------
+        InputError
+            If it has none, or none any more.
+        """
         mask = self.batch == batch
+        if not mask.any():
+            problem = f"{batch} has no struts, or none that are not laid again later"
+            raise InputError.at("sequence", "batch", problem, "give the number of another one")
         return dataclasses.replace(
             self,
             struts=self.struts[mask],

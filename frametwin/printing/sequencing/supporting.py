@@ -96,30 +96,35 @@ def supports_for(
     Raises
     ------
     InputError
-        If no joint has room for a column, or none would help.
+        If no joint has room for a column, none would help, or the tool cannot get past any.
     """
     joints: list[int] = []
     sag = _sag(frame, sequence, frame.vertex_count)
     while len(joints) < count:
         report(progress, Progress("placing supports", len(joints), count))
         room = np.flatnonzero(supportable(frame, joints))
-        tried = [
-            (_with(frame, sequence, [*joints, joint]), joint)
-            for joint in room[np.argsort(-sag[room], kind="stable")][:TRIED].tolist()
-        ]
-        sags = [(_sag(*one, frame.vertex_count), one, joint) for one, joint in tried]
-        better = sorted(
-            (item for item in sags if _worth(item[0]) < WORTH * _worth(sag)), key=lambda item: _worth(item[0])
-        )
-        chosen = next((item for item in better if printable is None or printable(*item[1])), None)
+        tried = []
+        for joint in room[np.argsort(-sag[room], kind="stable")][:TRIED].tolist():
+            supported = _with(frame, sequence, [*joints, joint])
+            tried.append((_sag(*supported, frame.vertex_count), supported, joint))
+        better = sorted((one for one in tried if _worth(one[0]) < WORTH * _worth(sag)), key=lambda one: _worth(one[0]))
+        chosen = next((one for one in better if printable is None or printable(*one[1])), None)
         if chosen is None:
+            if not joints:
+                raise InputError.at(frame.name, "supports", *_why_none(bool(len(room)), bool(better)))
             break
         sag = chosen[0]
         joints.append(chosen[2])
-    if not joints:
-        problem = "no joint that sags has room for a column below it"
-        raise InputError.at(frame.name, "supports", problem, "print it without, slower or cooled")
     return joints
+
+
+def _why_none(room: bool, better: bool) -> tuple[str, str]:
+    """Why no joint is supported, and what to do: whether one has room for a column, and whether any would help."""
+    if not room:
+        return "no joint has room for a column below it", "print it without, slower or cooled"
+    if not better:
+        return "no column would let it sag less", "print it without, slower or cooled"
+    return "the tool cannot get past a column below any joint that sags", "allow more tilt, or contact"
 
 
 def _with(frame: Wireframe, sequence: PrintSequence, joints: list[int]) -> tuple[Wireframe, PrintSequence]:

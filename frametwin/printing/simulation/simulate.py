@@ -18,6 +18,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.answer import ACCEPTABLE, AnswerOptions
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
+from frametwin.printing.job.summaries import supported_joints
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.simulation.growth import GrowingPrint
 from frametwin.printing.simulation.outcome import BatchOutcome, PrintReport, Standing
@@ -109,6 +110,7 @@ class SimulatedPrint:
             "struts": self.job.design.strut_count,
             "coupon": self.job.settings.coupon,
             "support_struts": self.job.settings.support_struts,
+            "supported": supported_joints(self.job),
             "batches": self.job.file.batches,
             "adapted": self.job.settings.adapt,
             "completed": report.completed,
