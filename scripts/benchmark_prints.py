@@ -63,6 +63,9 @@ PRINT = PrintSettings(variation=0.3)
 COOLED = {"lattice_tower": replace(PRINT, sag=0.035)}
 """Frames that are printed with half the flow, by half the speed or by cooling: at the usual sag, the lowest struts of
 the tower are squashed by more than a quarter of their length and come off, and ``print plan`` refuses it."""
+FINE = {"lattice_tower": replace(RIG, size=(1200, 1600))}
+"""Frames whose struts are too thin, one behind the other, for pictures of 800x600 to tell where a third of them are."""
+
 ACCEPTED = ("camera-moved",)
 """With few struts and blobs at their joints, a camera seems to be off by four of its deviations now and then."""
 
@@ -72,7 +75,7 @@ def printed(
 ) -> dict[str, Any]:
     """Print a frame once."""
     plan = PlanOptions(**WAYS[way], reprint=True, allow_contact=True, formats=("json",))
-    options = SimulationOptions(plan=plan, print=behaves, rig=RIG, seed=seed, accept=ACCEPTED)
+    options = SimulationOptions(plan=plan, print=behaves, rig=FINE.get(frame.name, RIG), seed=seed, accept=ACCEPTED)
     try:
         return simulate_print(folder, frame, options, order=order, material=material).as_dict()
     except InputError as error:  # what stands is where the robot cannot go on, such as below the plate

@@ -23,11 +23,11 @@ LOWEST = 8.0
 ROOM = 4.0
 """Least distance between the axes of a column and of other struts of its radius, in radii."""
 
-BELOW, BESIDE = 6.0, 3.5
-"""Radii below its top from which a column keeps clear of the joint's own struts too, and by how many."""
-
 STEEP = 0.5
 """Run over rise of a strut below which nothing is put under its upper joint: that carries it, and is in the way."""
+
+BELOW = 6.0
+"""Radii below its top from which a column keeps clear of the joint's own struts too, by as much as `STEEP` ones do."""
 
 SAMPLES = 25
 """Points of each strut between which it is taken to be straight."""
@@ -58,7 +58,7 @@ def supportable(frame: Wireframe, columns: Sequence[int] = ()) -> np.ndarray:
         own = (frame.edges == joint).any(axis=1)
         top = place[2] + np.where(own, -BELOW, ROOM) * radius
         apart = _beside(points, top, place[:2])
-        least = np.where(own, BESIDE, ROOM) * radius + np.maximum(frame.radius - radius, 0.0)
+        least = np.where(own, STEEP * BELOW, ROOM) * radius + np.maximum(frame.radius - radius, 0.0)
         clear = bool((apart > least).all()) and bool((np.linalg.norm(taken - place[:2], axis=1) > ROOM * radius).all())
         result[joint] = clear and not _carried(frame, joint, own)
     return result
@@ -73,7 +73,7 @@ def _beside(points: np.ndarray, top: np.ndarray, place: np.ndarray) -> np.ndarra
     square = np.maximum(np.sum(way**2, axis=2), 1e-12)
     share = np.clip(np.sum((place - start) * way, axis=2) / square, 0.0, 1.0)
     apart = np.linalg.norm(start + share[..., None] * way - place, axis=2)
-    low = np.minimum(points[:, :-1, 2], points[:, 1:, 2]) < top[:, None]
+    low = np.maximum(points[:, :-1, 2], points[:, 1:, 2]) < top[:, None]
     return np.asarray(np.where(low, apart, np.inf).min(axis=1))
 
 
