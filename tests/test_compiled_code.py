@@ -121,7 +121,6 @@ def test_all_that_is_compiled_lies_in_the_file_by_which_it_is_cached() -> None:
     compiled = {path.name for path, file in files.items() if file.compiled}
     assert {
         "block_kernels.py",
-        "step_kernels.py",
         "rod_kernels.py",
         "nozzle_kernels.py",
         "removal_kernels.py",

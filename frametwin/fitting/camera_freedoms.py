@@ -224,9 +224,14 @@ def coupling_to_freedoms(elastic: ElasticFrame, terms: CameraTerms) -> np.ndarra
     """(6V, 10N) coupling of the cameras to the joints' freedoms, struts following."""
     size = terms.matrix.shape[0] * FREEDOMS
     parts = np.matmul(elastic.follow.transpose(0, 2, 1), terms.struts.reshape(len(terms.struts), 12, size))
-    total = np.zeros((6 * elastic.vertex_count, size))
+    return joined_rows(elastic, parts, terms)
+
+
+def joined_rows(elastic: ElasticFrame, parts: np.ndarray, terms: CameraTerms) -> np.ndarray:
+    """(6V, 10N) sum of struts' coupling (E, 12, 10N) to the freedoms of their ends, and of the joints' own."""
+    total = np.zeros((6 * elastic.vertex_count, parts.shape[2]))
     camera_kernels.add_rows(elastic.freedoms, parts, total)
-    total.reshape(elastic.vertex_count, 6, size)[:, :3] += terms.joints.reshape(elastic.vertex_count, 3, size)
+    total.reshape(elastic.vertex_count, 6, -1)[:, :3] += terms.joints.reshape(elastic.vertex_count, 3, -1)
     return total
 
 

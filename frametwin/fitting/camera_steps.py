@@ -7,27 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.fitting.camera_freedoms import (
     FREEDOMS,
     CameraPrior,
     CameraTerms,
-    camera_kernels,
     camera_terms,
     coupling_to_freedoms,
+    joined_rows,
     with_cameras,
 )
-from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
-from frametwin.fitting.motion import Pose, as_rods, feet, joint_system
+from frametwin.fitting.motion import GROUND, Pose, as_rods, joint_system
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Terms, ViewTerms
-
-step_kernels = KeptLoops("frametwin.fitting.step_kernels")
-
-PARTS = 16
-"""Into so many parts sums over all struts are divided, for threads to share."""
 
 
 def smooth_descent(
@@ -141,43 +135,46 @@ def reduced_system(
     pose, anchor = poses
     freedoms, prior = known
     pull, drag = weights
+    follow = elastic.follow
+    turned = follow.transpose(0, 2, 1)
     count, size = len(elastic.edges), cams.matrix.shape[0] * FREEDOMS
-    solved, sums = np.empty((count, 6, 13 + size)), np.zeros((PARTS, size, 1 + size))
-    blocks, sides = np.empty((count, 12, 12)), np.empty((count, 12, 1 + size))
-    step_kernels.eliminate_with_cameras(
-        np.ascontiguousarray(terms.hessian),
-        np.ascontiguousarray(terms.gradient),
-        elastic.follow,
-        elastic.held_stiffness,
-        elastic.inner_stiffness,
-        (pose.joints - anchor.joints).ravel()[elastic.freedoms],
-        pose.inner - anchor.inner,
-        np.array([pull + drag, pull]),
-        cams.struts.reshape(count, 12, size),
-        solved,
-        blocks,
-        sides,
-        sums,
-    )
-    less = sums.sum(axis=0)
-    held = feet(elastic, pull + drag)
-    matrix = elastic.assemble(blocks, terms.joint_hessian + held[:, :, None] * np.eye(3))
-    border = np.zeros((6 * elastic.vertex_count, 1 + size))
-    camera_kernels.add_rows(elastic.freedoms, sides, border)
+    away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
+    bent = pose.inner - anchor.inner
+    stiffness = elastic.stiffness + elastic.spin_stiffness
+    struts = cams.struts.reshape(count, 12, size)
+    outer = np.matmul(turned, np.matmul(terms.hessian, follow)) + (pull + drag) * stiffness
+    mixed = np.matmul(turned, terms.hessian[:, :, INNER])
+    inner = terms.hessian[:, INNER, INNER] + (pull + drag) * elastic.inner_stiffness
+    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(stiffness, away[:, :, None])
+    inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
+    inner_coupled = np.ascontiguousarray(struts[:, INNER])
+    inverse = np.linalg.inv(inner)  # of six by six, which takes less time than solutions for each camera's freedoms
+    across = np.matmul(mixed, inverse)
+    by_joints, by_slope = across.transpose(0, 2, 1), np.matmul(inverse, inner_slope)
+    by_cameras = np.matmul(inverse, inner_coupled)
+    outer -= np.matmul(mixed, by_joints)
+    slope -= np.matmul(mixed, by_slope)
+    remaining = np.array(turned)
+    remaining[:, :, INNER] -= across
+    coupled = np.matmul(remaining, struts)
+    flat = inner_coupled.reshape(-1, size).T
+    own = _camera_matrix(cams, prior) - flat @ by_cameras.reshape(-1, size)
+    own_slope = (cams.gradient + prior.pull(freedoms)).ravel() - flat @ by_slope.ravel()
+    held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
+    matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))
     shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
-    by_joint = border.reshape(-1, 6, 1 + size)[:, :3]
-    by_joint[:, :, 0] += terms.joint_gradient + shifted
-    by_joint[:, :, 1:] += cams.joints.reshape(-1, 3, size)
-    both = elastic.factorise(elastic.anchored(matrix)).solve(border)
-    reduced = border[:, 1:].T @ both
+    right = elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
+    border = joined_rows(elastic, coupled, cams)
+    both = elastic.factorise(elastic.anchored(matrix)).solve(np.column_stack([right, border]))
+    joints, by_border = both[:, 0], both[:, 1:]
     return Reduced(
-        matrix=_camera_matrix(cams, prior) - less[:, 1:] - reduced[:, 1:],
-        slope=(cams.gradient + prior.pull(freedoms)).ravel() - less[:, 0] - reduced[:, 0],
-        joints=both[:, 0],
-        coupling=both[:, 1:],
-        inner=solved[:, :, 12],
-        inner_joints=solved[:, :, :12],
-        inner_cameras=solved[:, :, 13:],
+        matrix=own - border.T @ by_border,
+        slope=own_slope - border.T @ joints,
+        joints=joints,
+        coupling=by_border,
+        inner=by_slope[:, :, 0],
+        inner_joints=by_joints,
+        inner_cameras=by_cameras,
     )
 
 

@@ -7,14 +7,11 @@ from copy import copy
 import numpy as np
 from scipy import sparse
 
-from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.fitting.stubs import tell_typical
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import Sections, cross_matrix, element_stiffness
 from frametwin.mechanics.blocks import BlockFactor, BlockPattern
-
-step_kernels = KeptLoops("frametwin.fitting.step_kernels")
 
 INNER = slice(3, 9)
 """Of a strut's twelve control coordinates, the two inner points."""
@@ -46,7 +43,6 @@ class ElasticFrame:
     stiffness : (E, 12, 12) of each strut, over the ends' freedoms.
     spin_stiffness : (E, 12, 12) against turns of the ends about the strut's own chord, which nothing else holds in a
         strut that stands alone: turns are linear here, and a bent strut that spun would fly apart.
-    held_stiffness : (E, 12, 12), both together.
     inner_stiffness : (E, 6, 6) over the inner control points.
     """
 
@@ -66,14 +62,13 @@ class ElasticFrame:
         self.stiffness = element_stiffness(start, end, Sections.round(frame.radius, young, young / 2.7))
         tangent = (end - start) / chord[:, None]
         self.spin_stiffness = _spin_stiffness(tangent, young / 2.7 * 2.0 * inertia / chord)
-        self.held_stiffness = self.stiffness + self.spin_stiffness
         self.inner_stiffness = _inner_stiffness(tangent, inertia / chord**3 / unit, area / chord / unit)
         self._find_pattern()
 
     def stiffened(self, factor: np.ndarray) -> ElasticFrame:
         """The same with struts that are stiffer by a factor (E,)."""
         stiffer = copy(self)
-        for name in ("stiffness", "spin_stiffness", "held_stiffness", "inner_stiffness"):
+        for name in ("stiffness", "spin_stiffness", "inner_stiffness"):
             setattr(stiffer, name, factor[:, None, None] * getattr(self, name))
         return stiffer
 
@@ -90,7 +85,7 @@ class ElasticFrame:
         """
         result = copy(self)
         result.frame, result.edges, result.vertex_count = frame, frame.edges, frame.vertex_count
-        for name in ("follow", "stiffness", "spin_stiffness", "held_stiffness", "inner_stiffness"):
+        for name in ("follow", "stiffness", "spin_stiffness", "inner_stiffness"):
             setattr(result, name, getattr(self, name)[struts])
         result.freedoms = (6 * frame.edges[:, :, None] + np.arange(6)).reshape(-1, 12)
         result._find_pattern()
@@ -118,12 +113,6 @@ class ElasticFrame:
             total.reshape(-1, 6)[:, :3] += joint_parts
         return total
 
-    def in_motions(self, matrix: sparse.csc_matrix, motions: np.ndarray) -> np.ndarray:
-        """A symmetric matrix (6V, 6V) with the pattern of the assembled ones times motions (6V, M) in float32."""
-        product = np.empty_like(motions)
-        step_kernels.in_motions(self._pattern.starts, self._pattern.rows, matrix.data, motions, product)
-        return product
-
     def anchored(self, matrix: sparse.csc_matrix) -> sparse.csc_matrix:
         """The matrix with a faint spring on every freedom, so that it can be factorised."""
         mean = float(matrix.data[self._diagonal].mean())
@@ -142,9 +131,9 @@ class ElasticFrame:
 
     def displaced(self, control_points: np.ndarray, joints: np.ndarray, inner: np.ndarray) -> np.ndarray:
         """Control points (E, 4, 3) after the joints' freedoms (V, 6) and the struts' own (E, 6)."""
-        moved = np.empty(control_points.shape)
-        given = (joints, inner, control_points)
-        step_kernels.displace(self.follow, self.edges, *(np.ascontiguousarray(one) for one in given), moved)
+        ends = joints.ravel()[self.freedoms]
+        moved = control_points + np.matmul(self.follow, ends[:, :, None])[:, :, 0].reshape(-1, 4, 3)
+        moved[:, 1:3] += inner.reshape(-1, 2, 3)
         return moved
 
     def freedoms_of(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
-from frametwin.compiled.kept_loops import KeptLoops
-from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, Terms
 
-step_kernels = KeptLoops("frametwin.fitting.step_kernels")
-
 GROUND = 300.0
 """Stiffness by which a grounded joint sticks to the plate, relative to the median strut's sideways one: enough to
 keep feet that no view shows, and nothing against feet that are seen."""
-
-PARTS = 2
-"""Parts of the joints of which products with motions are taken together."""
 
 TOGETHER = 16
 """Pairs of joints that are solved for at a time."""
@@ -81,8 +74,10 @@ def as_rods(elastic: ElasticFrame, pose: Pose, pieces: int) -> Rods:
 
 def joint_system(elastic: ElasticFrame, terms: Terms) -> tuple[sparse.csc_matrix, np.ndarray]:
     """Matrix (6V, 6V) and gradient (6V,) of the loss by the joints' freedoms, struts following."""
-    blocks, gradient = np.empty_like(elastic.follow), np.empty_like(terms.gradient)
-    step_kernels.follow_joints(*_as_compiled(terms), elastic.follow, blocks, gradient)
+    follow = elastic.follow
+    turned = follow.transpose(0, 2, 1)
+    blocks = np.matmul(turned, np.matmul(terms.hessian, follow))
+    gradient = np.matmul(turned, terms.gradient[:, :, None])[:, :, 0]
     return (
         elastic.assemble(blocks, terms.joint_hessian),
         elastic.assemble_vector(gradient, terms.joint_gradient),
@@ -105,8 +100,7 @@ def smooth_descent(
     damping = 1e-3
     for _ in range(stage.iterations):
         matrix, gradient = joint_system(elastic, terms)
-        matrix.data += stiffness.data  # of the same pattern
-        reduced = _between(short, elastic.in_motions(matrix, short)).astype(np.float64)
+        reduced = (short.T @ ((matrix + stiffness).astype(np.float32) @ short)).astype(np.float64)
         slope = motions.T @ (gradient + stiffness @ pose.joints.ravel())
         diagonal = np.diag(reduced)
         bulk = np.diag(diagonal + 0.1 * diagonal.mean())
@@ -126,13 +120,6 @@ def smooth_descent(
             return
 
 
-def _between(motions: np.ndarray, products: np.ndarray) -> np.ndarray:
-    """(M, M) of motions and products (6V, M), by as many threads as parts of the rows; the linear algebra has one."""
-    parts = (np.array_split(one, PARTS) for one in (motions, products))
-    with ThreadPoolExecutor(PARTS) as pool:
-        return np.asarray(sum(pool.map(lambda one, other: one.T @ other, *parts)))
-
-
 def _capped(
     motions: np.ndarray, reduced: np.ndarray, slope: np.ndarray, bulk: np.ndarray, damping: float, longest: float
 ) -> tuple[np.ndarray, float]:
@@ -148,7 +135,8 @@ def strain(elastic: ElasticFrame, pose: Pose, anchor: Pose) -> float:
     """Elastic energy of the way from one pose to another, with that against spinning struts; see `free_step`."""
     away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
     bent = pose.inner - anchor.inner
-    ends = np.einsum("ea,eab,eb->", away, elastic.held_stiffness, away, optimize=True)
+    stiffness = elastic.stiffness + elastic.spin_stiffness
+    ends = np.einsum("ea,eab,eb->", away, stiffness, away, optimize=True)
     inner = np.einsum("ea,eab,eb->", bent, elastic.inner_stiffness, bent, optimize=True)
     return 0.5 * float(ends + inner)
 
@@ -165,61 +153,41 @@ def free_step(
     -------
     (V, 6) and (E, 6).
     """
+    follow = elastic.follow
+    turned = follow.transpose(0, 2, 1)
     away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
-    matrix, slope, follows, own, held = _without_inner(elastic, terms, (away, pose.inner - anchor.inner), pull, drag)
+    bent = pose.inner - anchor.inner
+    slope = np.matmul(turned, terms.gradient[:, :, None])
+    slope += pull * np.matmul(elastic.stiffness + elastic.spin_stiffness, away[:, :, None])
+    inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
+    matrix, inner, follows, held = _without_inner(elastic, terms, pull + drag)
+    slope -= np.matmul(follows.transpose(0, 2, 1), inner_slope)
     shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
-    right = -elastic.assemble_vector(slope, terms.joint_gradient + shifted)
+    right = -elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
     joints = elastic.solve(matrix, right)
-    own += np.matmul(follows, joints[elastic.freedoms][:, :, None])[:, :, 0]
-    return joints.reshape(-1, 6), -own
-
-
-def _as_compiled(terms: Terms) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices and slopes of struts as loops take them."""
-    return np.ascontiguousarray(terms.hessian), np.ascontiguousarray(terms.gradient)
+    own = -np.linalg.solve(inner, inner_slope) - np.matmul(follows, joints[elastic.freedoms][:, :, None])
+    return joints.reshape(-1, 6), own[:, :, 0]
 
 
 def _without_inner(
-    elastic: ElasticFrame, terms: Terms, off: tuple[np.ndarray, np.ndarray], pull: float, drag: float
-) -> tuple[sparse.csc_matrix, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    elastic: ElasticFrame, terms: Terms, weight: float
+) -> tuple[sparse.csc_matrix, np.ndarray, np.ndarray, np.ndarray]:
     """The system of pictures and elastic energy with the struts' own freedoms eliminated.
-
-    ``off`` is how far joints (E, 12) and struts (E, 6) are from where the pull would have them.
 
     Returns
     -------
-    (6V, 6V) over the joints' freedoms, and (E, 12) the slope by those of each strut; (E, 6, 12) how the freedoms that
-    were eliminated follow the joints' when nothing pulls at them, and (E, 6) where they go when the joints rest, both
-    with the sign turned; (V, 1) how feet are held.
+    (6V, 6V) over the joints' freedoms; (E, 6, 6) over those that were eliminated, and (E, 6, 12) how they follow the
+    joints' when nothing pulls at them, with the sign turned; (V, 1) how feet are held.
     """
-    count, weights = len(elastic.edges), np.array([pull + drag, pull])
-    blocks, slope = np.empty((count, 12, 12)), np.empty((count, 12))
-    follows, own = np.empty((count, 6, 12)), np.empty((count, 6))
-    step_kernels.eliminate(
-        *_as_compiled(terms),
-        elastic.follow,
-        elastic.held_stiffness,
-        elastic.inner_stiffness,
-        *off,
-        weights,
-        blocks,
-        slope,
-        follows,
-        own,
-    )
-    held = feet(elastic, pull + drag)
-    return (
-        elastic.assemble(blocks, terms.joint_hessian + held[:, :, None] * np.eye(3)),
-        slope,
-        follows,
-        own,
-        held,
-    )
-
-
-def feet(elastic: ElasticFrame, weight: float) -> np.ndarray:
-    """(V, 1) stiffness by which feet stick to the plate beside an elastic energy of so much weight."""
-    return np.asarray(GROUND * weight * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2)
+    turned = elastic.follow.transpose(0, 2, 1)
+    outer = np.matmul(turned, np.matmul(terms.hessian, elastic.follow))
+    outer += weight * (elastic.stiffness + elastic.spin_stiffness)
+    mixed = np.matmul(turned, terms.hessian[:, :, INNER])
+    inner = terms.hessian[:, INNER, INNER] + weight * elastic.inner_stiffness
+    follows = np.linalg.solve(inner, mixed.transpose(0, 2, 1))
+    outer -= np.matmul(mixed, follows)
+    held = GROUND * weight * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
+    return elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3)), inner, follows, held
 
 
 def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs: np.ndarray) -> np.ndarray:
@@ -240,8 +208,7 @@ def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs
         The inverse of it takes the shift from one joint to the other to twice the rise of the loss that moving them
         together costs when all else follows.
     """
-    nowhere = np.zeros((len(elastic.edges), 12)), np.zeros((len(elastic.edges), 6))
-    matrix, *_ = _without_inner(elastic, terms, nowhere, weight, 0.0)
+    matrix, *_ = _without_inner(elastic, terms, weight)
     factor = elastic.factorise(elastic.anchored(matrix))
     result = np.empty((len(pairs), 3, 3))
     for begin in range(0, len(pairs), TOGETHER):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +15,6 @@ APART = 3.0
 
 LEAST = 0.08
 """... if it disagrees by so much at least."""
-
-WORKERS = 4
-"""Pictures that are gone through together."""
 
 FEWEST = 4
 """Views that a fit needs: no more are left out than leave so many."""
@@ -48,16 +44,13 @@ class ViewMisfit:
 def view_misfit(drawn: Rods, level: Level) -> ViewMisfit:
     """Compare what is drawn with every picture of a level."""
     through = rods.transmittance(drawn, level)
-    with ThreadPoolExecutor(WORKERS) as pool:
-        counted = list(pool.map(_counted, level.pictures(through), level.pictures(level.target)))
-    white, seen, missing = np.array(counted).T
-    return ViewMisfit(missing / np.maximum(white, 1.0), (seen - white + missing) / np.maximum(seen, 1.0))
-
-
-def _counted(own: np.ndarray, target: np.ndarray) -> tuple[float, float, float]:
-    """Pixels that are white in a picture, that are drawn, ``own`` being what is seen through it, and white alone."""
-    white, through = float(target.sum(dtype=np.float64)), float(own.sum(dtype=np.float64))
-    return white, own.size - through, float(np.maximum(target + own, 1.0).sum(dtype=np.float64) - own.size)
+    white, missing, extra, seen = [], [], [], []
+    for own, target in zip(level.pictures(through), level.pictures(level.target), strict=True):
+        white.append(float(target.sum(dtype=np.float64)))
+        seen.append(float(own.size - own.sum(dtype=np.float64)))
+        missing.append(float(np.maximum(target + own, 1.0).sum(dtype=np.float64) - own.size))
+        extra.append(seen[-1] - white[-1] + missing[-1])
+    return ViewMisfit(np.array(missing) / np.maximum(white, 1.0), np.array(extra) / np.maximum(seen, 1.0))
 
 
 def disagreeing(misfit: np.ndarray) -> np.ndarray:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import sqrt
-from typing import Any
 
 import cv2
 import numpy as np
@@ -27,10 +25,6 @@ SPARSE = 8
 
 KEPT = 0.5
 """Largest share of their size at which reduced pictures are kept; larger ones would fill the memory."""
-
-
-WORKERS = 4
-"""Pictures that are worked on together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +106,6 @@ def _as_reduced(mask: np.ndarray, scale: float) -> np.ndarray:
     return np.ascontiguousarray(reduced)
 
 
-def _of_all(work: Callable[..., np.ndarray], *arguments: Sequence[Any]) -> list[np.ndarray]:
-    """A work of OpenCV's on each of some pictures, several at a time: most of it needs no more than one thread."""
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return list(pool.map(work, *arguments))
-
-
 def _of_two_values(mask: np.ndarray) -> bool:
     rows = mask[::SPARSE]
     return bool(((rows == 0.0) | (rows == 1.0)).all())
@@ -154,7 +142,7 @@ class Pyramid:
         self.lens = None if lens is None else np.asarray(lens, dtype=np.float64)
         self.black_and_white = (self.lens is None or not self.lens.any()) and all(map(_of_two_values, masks))
         self.largest = largest
-        self.masks = tuple(_of_all(lambda mask: _as_reduced(mask, largest), masks))
+        self.masks = tuple(_as_reduced(mask, largest) for mask in masks)
         self._last: tuple[float, tuple[list[Camera], list[np.ndarray]]] = (0.0, ([], []))
 
     def of_views(self, chosen: np.ndarray) -> Pyramid:
@@ -174,9 +162,9 @@ class Pyramid:
         """
         cameras, pictures = self._reduced(scale)
         if blur > 0.0:
-            pictures = _of_all(
-                lambda one: cv2.GaussianBlur(one, (0, 0), blur, borderType=cv2.BORDER_REPLICATE), pictures
-            )
+            pictures = [
+                cv2.GaussianBlur(picture, (0, 0), blur, borderType=cv2.BORDER_REPLICATE) for picture in pictures
+            ]
         shapes = np.array([picture.shape for picture in pictures], dtype=np.int64)
         return Level(
             cameras=np.pad(packed(cameras), ((0, 0), (0, 1))),
@@ -191,9 +179,11 @@ class Pyramid:
         """The views at ``scale`` of their size. The last small ones are kept, for they are wanted with other blurs."""
         if scale == self._last[0]:
             return self._last[1]
-        sizes = [_size(camera.width, camera.height, scale) for camera in self.cameras]
-        cameras = [_resized(camera, *size) for camera, size in zip(self.cameras, sizes, strict=True)]
-        pictures = _of_all(lambda mask, size: _of_size(mask, *size), self.masks, sizes)
+        cameras, pictures = [], []
+        for camera, mask in zip(self.cameras, self.masks, strict=True):
+            width, height = _size(camera.width, camera.height, scale)
+            cameras.append(_resized(camera, width, height))
+            pictures.append(_of_size(mask, width, height))
         if scale <= KEPT:
             self._last = (scale, (cameras, pictures))
         return cameras, pictures

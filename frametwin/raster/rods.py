@@ -45,9 +45,7 @@ class Rods:
 
     def points(self) -> np.ndarray:
         """(E, P+1, 3) of the polylines."""
-        each = self.control_points.transpose(0, 2, 1).reshape(-1, 4)  # coordinate, to do all struts by one product
-        points = (each @ basis(self.pieces).T).reshape(len(self.control_points), 3, self.pieces + 1)
-        return np.ascontiguousarray(points.transpose(0, 2, 1))
+        return np.matmul(basis(self.pieces), self.control_points)
 
     def joint_radius(self) -> np.ndarray:
         """(V,) mm: the joint's size times the largest radius of the pieces that end there; 0 where all are missing."""

@@ -10,10 +10,8 @@ import numpy as np
 
 from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting import presence
-from frametwin.fitting.camera_freedoms import FREEDOMS, CameraPrior, RigErrors, camera_terms, rig_covariances
-from frametwin.fitting.camera_steps import reduced_system
+from frametwin.fitting.camera_freedoms import camera_terms, coupling_to_freedoms
 from frametwin.fitting.elastic import ElasticFrame
-from frametwin.fitting.motion import free_step, joint_system, start_pose
 from frametwin.geometry.parametric import half_bowl
 from frametwin.printing.adaptation.material_fit import MaterialFit
 from frametwin.printing.adaptation.rest_of_print import remaining_movement, steps_of
@@ -83,16 +81,9 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
         elastic = ElasticFrame(frame)
         elastic.solve(elastic.assemble(elastic.stiffness), np.zeros(6 * frame.vertex_count))
 
-    def small_systems() -> None:
-        elastic = ElasticFrame(frame)
-        pose, exact = start_pose(elastic), np.zeros((len(cameras), FREEDOMS))
-        terms = rods.gauss_newton_by_view(drawn, level)
-        matrix, _ = joint_system(elastic, terms.summed())
-        elastic.in_motions(matrix, np.zeros((6 * frame.vertex_count, 1), dtype=np.float32))
-        free_step(elastic, terms.summed(), pose, pose, 1.0, 1.0)
-        known = (exact, CameraPrior.of(rig_covariances(cameras, RigErrors())))
-        coupling = camera_terms(drawn, terms, level.cameras, np.ones(len(cameras)))
-        reduced_system(elastic, terms.summed(), coupling, (pose, pose), known, (1.0, 1.0))
+    def moving_cameras() -> None:
+        terms = camera_terms(drawn, rods.gauss_newton_by_view(drawn, level), level.cameras, np.ones(len(cameras)))
+        coupling_to_freedoms(ElasticFrame(frame), terms)
 
     def forecasts() -> None:
         fit = MaterialFit.start(CreepModel(frame, PrintSettings()))
@@ -109,7 +100,7 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
         ("steps of the fit", lambda: rods.gauss_newton(drawn, level)),
         ("what is there of a strut", lambda: presence.strut_whiteness(drawn, level)),
         ("factors of a frame's stiffness", factors),
-        ("systems of struts and cameras", small_systems),
+        ("cameras that may move", moving_cameras),
         ("forecasts of prints", forecasts),
         ("orders and checks of prints", print_job),
     ]
