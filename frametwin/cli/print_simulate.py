@@ -162,6 +162,7 @@ def _simulate(options: SimulateOptions) -> None:
 
 
 def _tell(out: Path, simulated: SimulatedPrint, asked: int) -> None:
+    from frametwin.printing.job.summaries import supported_joints
     from frametwin.printing.simulation.simulate import verdict
 
     report = simulated.report
@@ -188,7 +189,7 @@ def _tell(out: Path, simulated: SimulatedPrint, asked: int) -> None:
         ("time", f"{sum(simulated.twin_seconds):.1f} s of twins in {sum(report.seconds) / 60.0:.0f} min of printing")
     )
     if asked:
-        facts.append(("supports", supports_told(simulated.as_dict()["supported"], asked)))
+        facts.append(("supports", supports_told(supported_joints(simulated.job), asked)))
     facts.append(("look at", f"{out / PICTURE}"))
     print_facts(f"job: {out}", facts)
 

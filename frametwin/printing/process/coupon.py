@@ -55,10 +55,9 @@ def with_coupon(frame: Wireframe, count: int, weight: float = 1.0, doubt: float 
     """
     if count == 0:
         return frame
-    if not _stands(frame).any():
-        raise InputError.at(frame.name, "grounded", "nothing stands on the plate", "mark what does as grounded")
+    plate = plate_of(frame)
     radius = float(np.median(frame.radius))
-    feet, outwards = _places(frame, count, radius)
+    feet, outwards = _places(frame, count, radius, plate)
     reach = _lengths(count, radius, weight, doubt)
     reach = np.clip(reach, SHORTEST * radius, max(SHORTEST * radius, LONGEST * frame.extent))
     axis = np.column_stack([np.sin(LEAN) * outwards, np.full(count, np.cos(LEAN))])
@@ -107,12 +106,21 @@ def _lengths(count: int, radius: float, weight: float, doubt: float) -> np.ndarr
     return np.asarray(drooping_length(radius, weight) * np.exp(min(doubt, WIDEST_DOUBT) / 3.0 * grades))
 
 
-def _stands(frame: Wireframe) -> np.ndarray:
-    """(V,) bool: joints on the plate; not vertices that no strut uses."""
-    return frame.grounded & (frame.degree > 0)
+def plate_of(frame: Wireframe) -> float:
+    """Height of the plate in mm: that of the lowest foot; vertices that no strut uses are none.
+
+    Raises
+    ------
+    InputError
+        If nothing of the frame stands on it.
+    """
+    feet = frame.grounded & (frame.degree > 0)
+    if not feet.any():
+        raise InputError.at(frame.name, "grounded", "nothing stands on the plate", "mark what does as grounded")
+    return float(frame.vertices[feet, 2].min())
 
 
-def _places(frame: Wireframe, count: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
+def _places(frame: Wireframe, count: int, radius: float, plate: float) -> tuple[np.ndarray, np.ndarray]:
     """Feet (N, 3) on a rectangle around the frame, the longer sides first, and where (N, 2) is outwards."""
     low, high = (limit[:2] for limit in frame.bounds)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -120,7 +128,6 @@ def _places(frame: Wireframe, count: int, radius: float) -> tuple[np.ndarray, np
     room = 1 + (2.0 * half / pitch).astype(int)  # along one side
     more = -(-max(0, count - 2 * int(room.sum())) // 4)
     room, gap = room + more, gap + 0.5 * more * pitch
-    plate = float(frame.vertices[_stands(frame), 2].min())
     longer = int(half[1] > half[0])
     many = min(count, 2 * int(room[longer]))
     feet, outwards = np.full((count, 3), plate), np.zeros((count, 2))

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frametwin.errors import InputError
 from frametwin.geometry.bezier import evaluate
 from frametwin.geometry.wireframe import Wireframe, straight_control_points
+from frametwin.printing.process.coupon import plate_of
 from frametwin.printing.records.sequence import PrintSequence
 
 LOWEST = 8.0
@@ -49,7 +49,7 @@ def supportable(frame: Wireframe, columns: Sequence[int] = ()) -> np.ndarray:
         If nothing of the frame stands on the plate.
     """
     result = np.zeros(frame.vertex_count, dtype=bool)
-    plate, radius = _plate(frame), float(np.median(frame.radius))
+    plate, radius = plate_of(frame), float(np.median(frame.radius))
     points = evaluate(frame.control_points, np.linspace(0.0, 1.0, SAMPLES))
     taken = frame.vertices[list(columns), :2]
     high = frame.vertices[:, 2] - plate > LOWEST * radius
@@ -84,14 +84,6 @@ def _carried(frame: Wireframe, joint: int, own: np.ndarray) -> bool:
     return bool((np.linalg.norm(ways[:, :2], axis=1) < STEEP * -ways[:, 2]).any())
 
 
-def _plate(frame: Wireframe) -> float:
-    """Height of the plate in mm: that of the lowest foot."""
-    feet = frame.grounded & (frame.degree > 0)
-    if not feet.any():
-        raise InputError.at(frame.name, "grounded", "nothing stands on the plate", "mark what does as grounded")
-    return float(frame.vertices[feet, 2].min())
-
-
 def with_supports(frame: Wireframe, joints: Sequence[int]) -> Wireframe:
     """Add columns to a frame, whose struts and joints come after those of the frame.
 
@@ -110,7 +102,7 @@ def with_supports(frame: Wireframe, joints: Sequence[int]) -> Wireframe:
     """
     if not len(joints):
         return frame
-    plate, typical = _plate(frame), float(np.median(frame.lengths))
+    plate, typical = plate_of(frame), float(np.median(frame.lengths))
     vertices, edges, grounded, batch = list(frame.vertices), [], list(frame.grounded), []
     for joint in joints:
         top = frame.vertices[joint]

@@ -106,15 +106,17 @@ def supports_for(
         tried = []
         for joint in room[np.argsort(-sag[room], kind="stable")][:TRIED].tolist():
             supported = _with(frame, sequence, [*joints, joint])
-            tried.append((_sag(*supported, frame.vertex_count), supported, joint))
-        better = sorted((one for one in tried if _worth(one[0]) < WORTH * _worth(sag)), key=lambda one: _worth(one[0]))
-        chosen = next((one for one in better if printable is None or printable(*one[1])), None)
+            left = _sag(*supported, frame.vertex_count)
+            tried.append((_worth(left), left, supported, joint))
+        most = WORTH * _worth(sag)
+        better = sorted((one for one in tried if one[0] < most), key=lambda one: one[0])
+        chosen = next((one for one in better if printable is None or printable(*one[2])), None)
         if chosen is None:
             if not joints:
                 raise InputError.at(frame.name, "supports", *_why_none(bool(len(room)), bool(better)))
             break
-        sag = chosen[0]
-        joints.append(chosen[2])
+        _, sag, _, joint = chosen
+        joints.append(joint)
     return joints
 
 
