@@ -10,11 +10,15 @@ from bowed_struts import bowed, with_pieces
 
 from frametwin.errors import InputError
 from frametwin.evaluation.evaluate import evaluate
+from frametwin.fields.base import enlarged_box
+from frametwin.fields.lattice import LatticeField
 from frametwin.fitting.api import fit_views
 from frametwin.fitting.halves import Halves, halved_frame, joined_curve
+from frametwin.fitting.known_start import KnownStart
 from frametwin.formats import find_frame
 from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.adaptation.last_twin import start_after
 from frametwin.raster.silhouette import silhouettes
 from frametwin.simulation.simulate import SimulationSettings, simulate
 from frametwin.twin.findings import missing_struts
@@ -23,6 +27,9 @@ from frametwin.twin.twin import Twin, read_twin, write_twin
 
 BOW = 5.0
 """Radii by which struts bow at their middle."""
+
+BOWED = 79
+"""A long strut of the half bowl."""
 
 
 def fitted(seed: int, missing: tuple[int, ...] = ()) -> tuple[Wireframe, dict[int, np.ndarray], Twin]:
@@ -102,6 +109,32 @@ def test_nothing_else_is_disturbed_by_bent_struts(bent_print):
     assert errors.joints.max < 0.3 * truth.radius.max()
     assert twin.control_points.shape == truth.control_points.shape
     assert len(twin.vertices) == truth.vertex_count
+
+
+def test_struts_that_are_known_not_to_be_bent_are_not_asked_again():
+    made = simulate(find_frame("half_bowl"), SimulationSettings(seed=2))
+    truth = made.truth
+    curve = truth.control_points[BOWED]
+    across = np.cross(curve[3] - curve[0], [0.0, 0.0, 1.0])
+    quartics = {BOWED: bowed(curve, BOW * truth.radius[BOWED] * across / np.linalg.norm(across))}
+    masks = [mask / np.float32(255) for mask in silhouettes(with_pieces(truth, quartics), made.cameras)]
+    still = LatticeField.zeros(enlarged_box(truth.bounds), [(1, 1, 1)])
+    every = np.arange(truth.strut_count)
+    for known, told in ((every, set()), (np.delete(every, BOWED), {BOWED})):
+        twin = fit_views(truth, made.cameras, masks, start=KnownStart(still, cubic=known)).twin
+        assert set(twin.bent) == told
+
+
+def test_the_next_batch_knows_of_struts_that_were_whole_and_not_bent(bent_print):
+    truth, _, twin = bent_print
+    printed = np.ones(truth.strut_count, dtype=bool)
+    printed[:5] = False
+    broken = np.setdiff1d(np.arange(7, 12), list(twin.bent))[0]
+    seen = twin.replace(completeness=np.where(np.arange(truth.strut_count) == broken, 0.5, 1.0))
+    still = LatticeField.zeros(enlarged_box(truth.bounds), [(1, 1, 1)])
+    known = start_after(seen, still, truth.replace(printed=printed), ()).cubic
+    expected = np.setdiff1d(np.arange(5, truth.strut_count), [broken, *twin.bent])
+    np.testing.assert_array_equal(np.flatnonzero(printed)[known], expected)
 
 
 def test_curves_of_a_twin_are_the_cubics_but_for_bent_struts(bent_print):

@@ -13,6 +13,7 @@ from frametwin.cameras import Camera
 from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting.confidence import confidence, standard_deviation
 from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.joint_sizes import learn_joint_sizes
 from frametwin.fitting.motion import as_rods, start_pose
 from frametwin.fitting.presence import (
     THICKEST,
@@ -196,3 +197,25 @@ def test_gaps_of_stubs_are_as_long_as_those_of_slender_struts() -> None:
     kept = [[1, 0, 0, 1, 1, 1], [1, 1, 1, 1, 1, 1], [1, 1, 1, 1, 1, 1]]
     np.testing.assert_array_equal(without_gaps(dark, 0.5, shortest), kept)
     np.testing.assert_array_equal(without_gaps(np.full((3, 6), 0.1), 0.5, shortest), np.zeros((3, 6)))  # missing
+
+
+def test_radii_of_struts_one_behind_another_come_to_rest() -> None:
+    """Both answer for the same pixels: by whole steps of each, radii would swing to and fro."""
+    behind = Wireframe.create(
+        [[-50.0, 0.0, 0.0], [50.0, 0.0, 0.0], [-50.0, 5.0, 0.0], [50.0, 5.0, 0.0]], [[0, 1], [2, 3]], radius=1.5
+    )
+    level = seen(behind, cameras=(camera_at([0.0, -2000.0, 0.0], (60, 400), 6000.0),))
+    elastic = ElasticFrame(behind)
+    poses = [replace(start_pose(elastic), radius=1.2 * behind.radius)]
+    for _ in range(10):
+        terms = gauss_newton(as_rods(elastic, poses[-1], 6), level)
+        poses.append(learn_thickness(poses[-1], behind.radius, terms.widths))
+    np.testing.assert_allclose(poses[-1].radius, poses[-2].radius, rtol=1e-3)
+
+
+def test_a_joint_is_as_large_as_before_when_its_struts_become_thicker() -> None:
+    sizes, discs = np.array([2.0, 1.0, 2.0]), np.array([4.0, 0.0, 6.0])
+    content = np.array([[7.0, 0.0], [0.0, 0.0], [7.0, 0.0]])  # pictures ask for no other discs
+    thicker = np.array([4.4, 0.0, 7.5])
+    found = learn_joint_sizes(sizes, discs, thicker, content)
+    np.testing.assert_allclose(found, [2.0 / 1.1, 1.0, 2.0 / 1.25])

@@ -29,6 +29,10 @@ BENT, RISE = 0.2, 0.2
 """Radii by which the halves of a strut have to be off the cubic nearest to them to stay, and rise of the loss, were
 they drawn as it, in squared pixels where the typical strut's radius is 1.8 pixels."""
 
+SURE = 0.35
+"""Product of these radii, and of the rise in losses of the typical strut, that it takes: bows of five and eight radii
+have 0.4 to 50, and what cameras and joints' material that are not quite right make look like bows, mostly less."""
+
 WINS = 0.1
 """Share of these rises, at least, by which the loss is lower with the struts halved than without: what is put down to
 bows may be the fault of others."""
@@ -57,6 +61,8 @@ class Bent(NamedTuple):
         With a vertex of its own for each torn end.
     halves : Halves
         Struts of all of these that are halves.
+    cubic : (K,) array
+        Struts of the plan that are known not to be bent, and stay whole.
     """
 
     plan: Problem
@@ -64,6 +70,7 @@ class Bent(NamedTuple):
     state: State
     torn: Torn
     halves: Halves
+    cubic: np.ndarray
 
     @property
     def loss(self) -> float:
@@ -75,19 +82,25 @@ class Bent(NamedTuple):
         return self._replace(state=replace(self.state, record=other.state.record))
 
 
-def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) -> Bent:
+def with_bent_struts(
+    plan: Problem, problem: Problem, state: State, torn: Torn, cubic: np.ndarray | None = None
+) -> Bent:
     """Halve struts that are bent as no cubic can be, also such as seem to be torn off joints, where it explains more.
 
     Parameters
     ----------
     plan, problem, state, torn
         As of `Bent`, with every strut whole.
+    cubic : (K,) array, optional
+        Struts that are known not to be bent so; they are halved only where they seem to be torn off a joint.
     """
-    whole = Bent(plan, problem, state, torn, Halves.none(plan.frame))
+    loose = np.unique(torn.ends[:, 0])
+    known = np.setdiff1d(np.zeros(0, dtype=np.intp) if cubic is None else cubic, loose)
+    whole = Bent(plan, problem, state, torn, Halves.none(plan.frame), known)
     pixels = problem.levels.density * float(np.median(problem.frame.radius))
     if problem.settings.degree <= 3 or pixels < CLEAR:
         return whole
-    asking, loose = suspects(problem, state, problem.settings.finish[0]), np.unique(torn.ends[:, 0])
+    asking = suspects(problem, state, problem.settings.finish[0], known)
     for chosen in (np.union1d(asking, loose), np.setdiff1d(asking, loose)) if len(loose) else (asking,):
         found = _halved(whole, chosen)
         whole = whole.after(found)
@@ -100,7 +113,7 @@ def with_bent_struts(plan: Problem, problem: Problem, state: State, torn: Torn) 
 def _with_those_hidden_before(whole: Bent, found: Bent, looked_at: np.ndarray) -> Bent:
     """Halve also struts that ask for it only once others are halved."""
     found = found._replace(state=settled(found.problem, found.state))  # others had been drawn for them
-    asking = suspects(found.problem, found.state, found.problem.settings.refine[-1])
+    asking = suspects(found.problem, found.state, found.problem.settings.refine[-1], found.cubic)
     more = np.setdiff1d(asking, np.concatenate([looked_at, found.halves.second]))
     return _with(whole, found, more)
 
@@ -137,6 +150,7 @@ def _may_be_bent(whole: Bent, found: Bent) -> np.ndarray:
     count = frame.strut_count
     may = (frame.chord_lengths > SHORTEST * pose.radius[:count]) & pose.opacity[:count].any(axis=1)
     may[found.halves.struts] = False
+    may[whole.cubic] = False
     return np.asarray(may)
 
 
@@ -174,12 +188,14 @@ def _needed(problem: Problem, state: State, halves: Halves) -> tuple[np.ndarray,
     """(H,) array of bool: halved struts that would be far off, and explain less, as cubics; and (H,) how much less."""
     off, rise = _as_cubics(problem, state, halves)
     least = RISE * scale_of(problem, problem.settings.refine[-1])
-    return np.asarray((off > BENT * state.pose.radius[halves.struts]) & (rise > least)), rise
+    radii = off / state.pose.radius[halves.struts]
+    typical = loss_of(problem, state) / problem.frame.strut_count
+    return np.asarray((radii > BENT) & (rise > least) & (radii * rise > SURE * typical)), rise
 
 
 def _tried(whole: Bent, halves: Halves) -> Bent:
     """With struts in two halves, those whose ends seemed torn at their joints, and settled."""
-    plan, problem, state, torn, _ = whole
+    plan, problem, state, torn, _, cubic = whole
     frame = halved_frame(plan.frame, halves)
     softer = np.ones(frame.strut_count)
     softer[halves.both] = SOFTER
@@ -192,7 +208,7 @@ def _tried(whole: Bent, halves: Halves) -> Bent:
     tried = Nearby.of(new, start, halves.both, AROUND_BENT).after(start, settled)
     if problem.settings.learn_opacity and (state.pose.opacity[halves.struts] < 1.0).any():
         tried = without_missing(new, tried)
-    return Bent(new_plan, new, tried, new_torn, halves)
+    return Bent(new_plan, new, tried, new_torn, halves, cubic)
 
 
 def _in_halves(old: Problem, new: Problem, state: State, halves: Halves) -> State:

@@ -36,10 +36,11 @@ MOST = 0.1
 """Share of the struts that are halved at a time, at most, those first whose outlines are furthest off."""
 
 
-def suspects(problem: Problem, state: State, stage: Stage) -> np.ndarray:
+def suspects(problem: Problem, state: State, stage: Stage, cubic: np.ndarray) -> np.ndarray:
     """Struts that would gain much by a bow that is clamped at both ends, or whose outlines are off: `MOST` of all.
 
     They are looked for in the pictures of a stage: the one that the state comes from, since others make it seem off.
+    Struts ``cubic`` (K,) are known not to be bent, and are none of them.
     """
     frame = problem.frame
     whole, level = drawn(problem, state, stage.pieces), level_of(problem, state, stage)
@@ -49,6 +50,7 @@ def suspects(problem: Problem, state: State, stage: Stage) -> np.ndarray:
     asks = (gain > least) | (off > max(BESIDE, APART * float(np.median(off))))
     asks &= frame.chord_lengths > SHORTEST * state.pose.radius
     asks &= state.pose.opacity.mean(axis=1) > THERE  # what is not there can be drawn anywhere
+    asks[cubic] = False
     order = np.argsort(-off, kind="stable")
     return np.sort(order[asks[order]][: max(1, int(MOST * frame.strut_count))])
 

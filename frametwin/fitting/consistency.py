@@ -107,7 +107,8 @@ def consistent_fit(problem: Problem, known: KnownStart | None) -> Consistent:
         if not problem.settings.leave_out_views or not wrong.size or len(used) - len(wrong) < FEWEST:
             break
         record, used = state.record, np.delete(used, wrong)
-    part, state, torn, halves = _finished(part, recover(part, state))
+    cubic = None if known is None else known.cubic
+    part, state, torn, halves = _finished(part, recover(part, state), cubic)
     holds = "rig"
     if state.cameras is not None:
         state, holds = _held(part, state)
@@ -188,8 +189,11 @@ def _with_material_for_stubs(problem: Problem, state: State) -> State:
     return replace(state, record=tried.record).lapped("refine")
 
 
-def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves]:
-    """The last stages; torn ends, bent struts and cameras that are not exact to the last digit are freed on the way."""
+def _finished(plan: Problem, state: State, cubic: np.ndarray | None) -> tuple[Problem, State, Torn, Halves]:
+    """The last stages; torn ends, bent struts and cameras that are not exact to the last digit are freed on the way.
+
+    Struts of which it is known that they are ``cubic`` (K,) are not looked at for bends.
+    """
     problem, state, torn = given_second_chance(plan, *mended(plan, state))
     state, halves = noticed(problem, state), Halves.none(plan.frame)
     *sharp, sharpest = problem.settings.finish
@@ -197,7 +201,7 @@ def _finished(plan: Problem, state: State) -> tuple[Problem, State, Torn, Halves
         state = _sharpened(problem, state, _shortened(problem, stage))
         problem, state, torn = rejoined(plan, problem, state, torn, stage)
     if sharp:
-        plan, problem, state, torn, halves = with_bent_struts(plan, problem, state, torn)
+        plan, problem, state, torn, halves, _ = with_bent_struts(plan, problem, state, torn, cubic)
         if len(halves.struts):
             state = _sharpened(problem, state, sharp[-1])
     crisp = _crisp_stages(problem, state)

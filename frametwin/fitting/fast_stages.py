@@ -14,7 +14,7 @@ from frametwin.fitting.fast_state import Problem, State, drawn, level_of, steppe
 from frametwin.fitting.held import held_by
 from frametwin.fitting.joint_sizes import learn_joint_sizes
 from frametwin.fitting.loads import load_answers, rigid_motions, smooth_warps
-from frametwin.fitting.motion import free_step, smooth_descent, strain
+from frametwin.fitting.motion import Pose, free_step, smooth_descent, strain
 from frametwin.fitting.nearby import Nearby
 from frametwin.raster import rods
 from frametwin.raster.rods import Terms
@@ -201,7 +201,7 @@ def free_stage(
         if problem.settings.learn_thickness and stage.detail > 1.0:
             pose = presence.learn_thickness(pose, problem.frame.radius, terms.widths, hidden)
         moved = None if state.cameras is None else state.cameras + share * cameras
-        sizes = _joint_sizes(problem, state, terms, stage) if stage.detail > 1.0 else state.joint_size
+        sizes = _joint_sizes(problem, state, pose, terms, stage) if stage.detail > 1.0 else state.joint_size
         state = replace(state, pose=pose, terms=terms, cameras=moved, joint_size=sizes)
         state = stepped(problem, state, "joints and struts", terms.loss, level)
         if furthest < near:
@@ -214,10 +214,14 @@ def _furthest(joints: np.ndarray, resting: int) -> float:
     return float(np.percentile(np.pad(np.linalg.norm(joints[:, :3], axis=1), (0, resting)), 99))
 
 
-def _joint_sizes(problem: Problem, state: State, terms: Terms, stage: Stage) -> np.ndarray | None:
+def _joint_sizes(problem: Problem, state: State, pose: Pose, terms: Terms, stage: Stage) -> np.ndarray | None:
+    """Sizes by which joints become as large as the terms of a state ask for, when struts are as thick as in a pose."""
     if state.joint_size is None:
         return None
-    return learn_joint_sizes(state.joint_size, drawn(problem, state, stage.pieces).joint_radius(), terms.joint_widths)
+    before, after = (
+        drawn(problem, replace(state, pose=one), stage.pieces).joint_radius() for one in (state.pose, pose)
+    )
+    return learn_joint_sizes(state.joint_size, before, after, terms.joint_widths)
 
 
 def _free_step(

@@ -39,8 +39,10 @@ def common_size(drawn: Rods, level: Level, candidates: Sequence[float] = CANDIDA
     return candidates[best] if losses[best] < (1.0 - WORTH) * losses[0] else 1.0
 
 
-def learn_joint_sizes(sizes: np.ndarray, radius: np.ndarray, widths: np.ndarray) -> np.ndarray:
-    """One Gauss-Newton step of the joints' sizes, each held to the common one.
+def learn_joint_sizes(sizes: np.ndarray, radius: np.ndarray, by_struts: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """A Gauss-Newton step of the joints' sizes, each held to the common one (`frametwin.fitting.presence.steadied`).
+
+    A size is relative to the struts'. Were these made thicker and the size stepped too, the joint would get both.
 
     Parameters
     ----------
@@ -48,6 +50,8 @@ def learn_joint_sizes(sizes: np.ndarray, radius: np.ndarray, widths: np.ndarray)
         The present ones.
     radius : (V,) array, mm
         Of the discs that were drawn; 0 for none.
+    by_struts : (V,) array, mm
+        The same of the present sizes with struts as thick as they are from now on.
     widths : (V, 2) array
         Curvature and slope of the loss by each disc's radius.
     """
@@ -60,4 +64,6 @@ def learn_joint_sizes(sizes: np.ndarray, radius: np.ndarray, widths: np.ndarray)
     near = np.log(sizes[seen])
     result = sizes.copy()
     result[seen] = np.exp(np.clip(step, near - FURTHEST, near + FURTHEST))
+    kept = seen & (by_struts > 0.0)
+    result[kept] *= radius[kept] / by_struts[kept]
     return np.clip(result, SMALLEST, LARGEST)

@@ -1,4 +1,4 @@
-"""What is known before a fit: where the print is, and what an earlier fit found of its cameras and joints."""
+"""What is known before a fit: where the print is, and what an earlier fit found of its cameras, joints and struts."""
 
 from __future__ import annotations
 
@@ -22,11 +22,14 @@ class KnownStart:
         `frametwin.fitting.camera_freedoms`.
     joint_size : (V,) array or None
         Radius of the material at each joint relative to its thickest strut's, where joints have material of their own.
+    cubic : (K,) array or None
+        Struts that were found to be no more bent than a cubic can be; whether they are is not asked again.
     """
 
     field: DeformationField
     cameras: np.ndarray | None = None
     joint_size: np.ndarray | None = None
+    cubic: np.ndarray | None = None
 
     def of_views(self, chosen: np.ndarray) -> KnownStart:
         """The same for some of the views."""

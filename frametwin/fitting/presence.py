@@ -25,6 +25,10 @@ THINNEST, THICKEST = 0.3, 3.0
 STEADY = 0.3
 """How firmly a strut's radius is held to the frame's, as a share of the typical strut's own evidence."""
 
+SHARE = 0.6
+"""Of a step of radii that is taken. Curvatures are those of each strut alone. Where one is behind another, both answer
+for the same pixels, and whole steps go twice as far as they should: radii would swing to and fro for ever."""
+
 
 def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
     """Least-squares opacity of every piece, and how much of it is in plain view.
@@ -126,7 +130,7 @@ def outline_misfit(drawn: Rods, level: Level) -> np.ndarray:
 
 
 def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray, hidden: np.ndarray | None = None) -> Pose:
-    """One Gauss-Newton step of the struts' radii, each strut's held to the frame's common factor.
+    """`SHARE` of a Gauss-Newton step of the struts' radii, each strut's held to the frame's common factor.
 
     Parameters
     ----------
@@ -151,7 +155,7 @@ def learn_thickness(pose: Pose, planned: np.ndarray, widths: np.ndarray, hidden:
 
 
 def steadied(present: np.ndarray, curvature: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
-    """One Newton step of many like quantities, each held to what they have in common.
+    """`SHARE` of one Newton step of many like quantities, each held to what they have in common.
 
     Parameters
     ----------
@@ -172,4 +176,4 @@ def steadied(present: np.ndarray, curvature: np.ndarray, slope: np.ndarray) -> n
     order = np.argsort(wanted)
     share = np.cumsum(curvature[order])
     common = wanted[order][np.searchsorted(share, 0.5 * share[-1])]
-    return (curvature * wanted + hold * common) / (curvature + hold)
+    return present + SHARE * ((curvature * wanted + hold * common) / (curvature + hold) - present)

@@ -1,4 +1,4 @@
-"""What the twin of a batch tells of the next: where its rig's cameras are, and how much material joints have."""
+"""What the twin of a batch tells of the next: where its cameras are, what material joints have, what is not bent."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from frametwin.fitting.camera_corrections import freedoms_of
 from frametwin.fitting.known_start import KnownStart
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.twin import Twin
+
+WHOLE = 0.9
+"""Share of a strut that must have been there for its shape to be known."""
 
 LARGER = 1.01
 """Size of joints, relative to their thickest strut's, from which a twin says that they have material of their own."""
@@ -32,7 +35,13 @@ def start_after(twin: Twin, field: DeformationField, frame: Wireframe, cameras: 
         N, without distortion.
     """
     known = freedoms_of(cameras, twin.cameras) if twin.cameras else None
-    return KnownStart(field, known, _joint_size(frame, twin))
+    return KnownStart(field, known, _joint_size(frame, twin), _cubic(frame, twin))
+
+
+def _cubic(frame: Wireframe, twin: Twin) -> np.ndarray:
+    """(K,) struts, counted among those that are printed by now, which the twin saw whole and did not find bent."""
+    _, struts, _ = frame.printed_part()
+    return np.flatnonzero((twin.completeness[struts] > WHOLE) & ~np.isin(struts, list(twin.bent)))
 
 
 def _joint_size(frame: Wireframe, twin: Twin) -> np.ndarray | None:
