@@ -14,7 +14,7 @@ from frametwin.cli.display import Display
 def command(quiet: bool, as_json: bool) -> None:
     """Compile the loops of fits and prints, once after installing; from then on every command starts at once.
 
-    Without it the first fit on a machine takes half a minute longer. It may be stopped and called again: what was
+    Without it the first fit on a machine takes a minute or two longer. It may be stopped and called again: what was
     compiled is kept. After an update it compiles what has changed.
 
     \b

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from frametwin.compiled.machine_code import Loop, MachineCode, NotUsable, host, linker
+from frametwin.compiled.roomy_stack import with_room
 from frametwin.errors import InputError
 from frametwin.files import write_bytes
 
@@ -74,7 +75,7 @@ class KeptLoops:
     def _by_numba(self, name: str, kinds: Kinds, arrays: tuple[np.ndarray, ...]) -> None:
         """Run a loop by numba, which compiles it if need be, and keep the code that was not kept yet."""
         function = getattr(import_module(self._module), name)
-        function(*arrays)
+        with_room(function, *arrays)
         if self._linked[name, kinds] is not None:
             return
         with contextlib.suppress(NotUsable, OSError, ImportError, AttributeError, InputError, RuntimeError):
