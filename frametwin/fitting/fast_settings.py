@@ -113,7 +113,8 @@ class FastSettings(Changeable):
     learn_torn : whether ends of struts may be found torn off their joints.
     degree : of the curves of struts that are bent as no cubic can be; 3 takes every strut for a cubic.
     suspicious : a strut whose pixels are less white than this share is astray or missing.
-    troubled : with more than this share of the struts astray after the frame's own motions, others are tried too.
+    troubled : with more than this share of the struts astray after the frame's own motions, others are tried too;
+        stubs do not count.
     absent : a piece whose pixels are less white than this share is missing.
     field_cells : cells of the lattices of the field that is fitted to the result, along the longest side.
     cameras : one of `CAMERAS`: ``exact`` takes the rig as it is; ``auto`` lets cameras move within its errors where the

@@ -50,13 +50,19 @@ def search(problem: Problem, state: State) -> State:
     frame, elastic, settings = problem.frame, problem.elastic, problem.settings
     rigid, answers = rigid_motions(frame.vertices), load_answers(elastic, settings.cells)
     own = _attempt(problem, state, np.concatenate([rigid, answers], axis=1), pull=1.0)
-    if astray(problem, own, settings.refine[-1]).mean() <= settings.troubled:
+    if _share_astray(problem, own) <= settings.troubled:
         return own
     warps = smooth_warps(elastic, settings.cells)
     afresh = replace(state, record=own.record)
     any_way = _attempt(problem, afresh, np.concatenate([rigid, warps, answers], axis=1), pull=0.0)
     better = min((own, any_way), key=lambda found: found.last_terms.loss)
     return replace(better, record=any_way.record)
+
+
+def _share_astray(problem: Problem, state: State) -> float:
+    """Share of the struts that are astray; stubs do not count."""
+    lost = astray(problem, state, problem.settings.refine[-1])
+    return float(lost.sum() / max(1, np.count_nonzero(~problem.stubs)))
 
 
 def _attempt(problem: Problem, state: State, motions: np.ndarray, pull: float) -> State:
@@ -267,7 +273,7 @@ def recover(problem: Problem, state: State) -> State:
         near = Nearby.of(problem, state, np.flatnonzero(lost))
         state = near.after(state, partial(_put_back, lost=lost[near.struts]))
     if settings.learn_opacity:
-        state = without_missing(problem, state)
+        state = _without_missing_stubs(problem, without_missing(problem, state))
     return state.lapped("recover")
 
 
@@ -280,17 +286,32 @@ def _put_back(problem: Problem, state: State, lost: np.ndarray) -> State:
 
 
 def without_missing(problem: Problem, state: State) -> State:
-    """The state with what is there of each strut as the pictures show it now."""
+    """The state with what is there of each strut as the pictures show it now; stubs as they are."""
     frame, stage = problem.frame, problem.settings.refine[-1]
-    opacity, _ = presence.believed_opacity(drawn(problem, state, stage.pieces), level_of(problem, state, stage))
+    now = drawn(problem, state, stage.pieces)
+    opacity, _ = presence.believed_opacity(now, level_of(problem, state, stage))
     shortest = presence.shortest_gap(frame.chord_lengths, frame.radius, stage.pieces)
     there = presence.without_gaps(opacity, problem.settings.absent, shortest)
+    there[problem.stubs] = now.opacity[problem.stubs]
     return replace(state, pose=replace(state.pose, opacity=there))
 
 
+def _without_missing_stubs(problem: Problem, state: State) -> State:
+    """The state with stubs there or not as the sharpest pictures show each of them as a whole.
+
+    In others one sees hardly more of them than the soft rims of their joints, dark where they are not yet in their
+    place. Were they left out for it, nothing would hold the joints above to the feet.
+    """
+    if not problem.stubs.any():
+        return state
+    white = whiteness_of(problem, state, problem.settings.finish[-1])
+    gone = problem.stubs & (white < problem.settings.absent)
+    return replace(state, pose=replace(state.pose, opacity=np.where(gone[:, None], 0.0, state.pose.opacity)))
+
+
 def astray(problem: Problem, state: State, stage: Stage) -> np.ndarray:
-    """(E,) array of bool: struts of whose pixels too few are white."""
-    return whiteness_of(problem, state, stage) < problem.settings.suspicious
+    """(E,) array of bool: struts of whose pixels too few are white; no stubs, of which these tell too little."""
+    return (whiteness_of(problem, state, stage) < problem.settings.suspicious) & ~problem.stubs
 
 
 def whiteness_of(problem: Problem, state: State, stage: Stage) -> np.ndarray:

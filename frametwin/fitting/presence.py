@@ -49,16 +49,20 @@ def seen_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
 
 
 def believed_opacity(drawn: Rods, level: Level) -> tuple[np.ndarray, np.ndarray]:
-    """As `seen_opacity`, but stubs are judged together with material of their joints that is thicker than they are.
+    """As `seen_opacity`, but stubs are judged together with the material that would be gone with them.
 
-    It hides them all but for a rim, which is white or dark by a fraction of a pixel.
+    That is the end where nothing else ends, such as a foot, and where joints are thicker than struts both joints. It
+    hides them all but for a rim, which is white or dark by a fraction of a pixel.
     """
     opacity, weight = seen_opacity(drawn, level)
     stubs = are_stubs(_chords(drawn), drawn.radius.max(axis=1))
-    if drawn.joint_size is None or not stubs.any():
+    if not stubs.any():
         return opacity, weight
-    bare = drawn.joint_size.copy()
-    bare[drawn.edges[stubs]] = 0.0
+    bare = np.ones(len(drawn.joints)) if drawn.joint_size is None else drawn.joint_size.copy()
+    ends = drawn.edges[stubs].ravel()
+    if drawn.joint_size is None:
+        ends = ends[np.bincount(drawn.edges.ravel())[ends] == 1]
+    bare[ends] = 0.0
     alone, in_view = seen_opacity(replace(drawn, joint_size=bare), level)
     rows = stubs[:, None]
     return np.where(rows, alone, opacity), np.where(rows, in_view, weight)
