@@ -30,8 +30,9 @@ BENT, RISE = 0.2, 0.2
 they drawn as it, in squared pixels where the typical strut's radius is 1.8 pixels."""
 
 SURE = 0.35
-"""Product of these radii, and of the rise in losses of the typical strut, that it takes: bows of five and eight radii
-have 0.4 to 50, and what cameras and joints' material that are not quite right make look like bows, mostly less."""
+"""Product of these radii, and of the rise in losses of the typical strut, that it takes where cameras are free or joints
+have material of their own: these, not quite right, make straight struts look bowed, mostly by less than this. Bows of five
+and eight radii have 0.4 to 50."""
 
 WINS = 0.1
 """Share of these rises, at least, by which the loss is lower with the struts halved than without: what is put down to
@@ -189,8 +190,9 @@ def _needed(problem: Problem, state: State, halves: Halves) -> tuple[np.ndarray,
     off, rise = _as_cubics(problem, state, halves)
     least = RISE * scale_of(problem, problem.settings.refine[-1])
     radii = off / state.pose.radius[halves.struts]
-    typical = loss_of(problem, state) / problem.frame.strut_count
-    return np.asarray((radii > BENT) & (rise > least) & (radii * rise > SURE * typical)), rise
+    exact = state.cameras is None and state.joint_size is None
+    sure = 0.0 if exact else SURE * loss_of(problem, state) / problem.frame.strut_count
+    return np.asarray((radii > BENT) & (rise > least) & (radii * rise > sure)), rise
 
 
 def _tried(whole: Bent, halves: Halves) -> Bent:
