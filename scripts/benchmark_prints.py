@@ -41,8 +41,8 @@ from scripts.evidence.scenes import frame_files
 FRAMES = ("bridge", "half_bowl", "klein_bottle", "mars_bubble", "Femur", "lattice_tower", "simple_frame", "fertility")
 COUPON = 20
 """Struts, as ``--coupon`` has it."""
-SUPPORTS = 6
-"""Columns, as ``--supports`` has it."""
+SUPPORTS, MORE_SUPPORTS = 6, {"klein_bottle": 9}
+"""Columns, as ``--supports`` has it, and of frames that more of them help, by prints of other seeds without pictures."""
 
 WAYS: dict[str, dict[str, Any]] = {
     "paper": {"anticipate": False, "compensate": False},
@@ -50,7 +50,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "forecast": {},
     "coupon": {"coupon": COUPON},
     "both": {"coupon": COUPON},
-    "supported": {"coupon": COUPON, "supports": SUPPORTS},
+    "supported": {"coupon": COUPON},
 }
 INFORMED = ("forecast", "both", "supported")
 """Ways that know of earlier prints."""
@@ -74,7 +74,8 @@ def printed(
     frame: Wireframe, order: Path, way: str, seed: int, folder: Path, material: Path | None, behaves: PrintSettings
 ) -> dict[str, Any]:
     """Print a frame once."""
-    plan = PlanOptions(**WAYS[way], reprint=True, allow_contact=True, formats=("json",))
+    supports = MORE_SUPPORTS.get(frame.name, SUPPORTS) if way == "supported" else 0
+    plan = PlanOptions(**WAYS[way], supports=supports, reprint=True, allow_contact=True, formats=("json",))
     options = SimulationOptions(plan=plan, print=behaves, rig=FINE.get(frame.name, RIG), seed=seed, accept=ACCEPTED)
     try:
         return simulate_print(folder, frame, options, order=order, material=material).as_dict()

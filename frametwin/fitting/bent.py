@@ -30,9 +30,9 @@ BENT, RISE = 0.2, 0.2
 they drawn as it, in squared pixels where the typical strut's radius is 1.8 pixels."""
 
 SURE = 0.35
-"""Product of these radii, and of the rise in losses of the typical strut, that it takes where cameras are free or joints
-have material of their own: these, not quite right, make straight struts look bowed, mostly by less than this. Bows of five
-and eight radii have 0.4 to 50."""
+"""Product of these radii, and of the rise in losses of the typical strut, that it takes where cameras are free or
+joints have material of their own: these, not quite right, make straight struts look bowed, mostly by less than this.
+Bows of five and eight radii have 0.4 to 50."""
 
 WINS = 0.1
 """Share of these rises, at least, by which the loss is lower with the struts halved than without: what is put down to
