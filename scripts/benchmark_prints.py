@@ -42,7 +42,7 @@ FRAMES = ("bridge", "half_bowl", "klein_bottle", "mars_bubble", "Femur", "lattic
 COUPON = 20
 """Struts, as ``--coupon`` has it."""
 SUPPORTS, MORE_SUPPORTS = 6, {"klein_bottle": 9}
-"""Columns, as ``--supports`` has it, and of frames that more of them help, by prints of other seeds without pictures."""
+"""Columns, as ``--supports`` has it, and of frames that more of them help in prints of other seeds without pictures."""
 
 WAYS: dict[str, dict[str, Any]] = {
     "paper": {"anticipate": False, "compensate": False},
