@@ -11,7 +11,7 @@ from frametwin.printing.adaptation.aiming import aimed, expected_drift
 from frametwin.printing.adaptation.material_fit import BatchRecord, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.rest_of_print import PrintStep, resized_steps, steps_of
-from frametwin.printing.process.coupon import without_last
+from frametwin.printing.process.added_struts import without_last
 from frametwin.printing.process.creep import CreepModel, PrintState
 from frametwin.printing.process.material import PrintSettings
 from frametwin.printing.records.sequence import PrintSequence

@@ -14,7 +14,7 @@ from frametwin.fitting.judgement import FAR
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.evidence import Evidence
 from frametwin.printing.job.batch_capture import BatchCapture
-from frametwin.printing.process.coupon import without_last
+from frametwin.printing.process.added_struts import without_last
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.ranges import above, between, check_settings, within
 from frametwin.raster.silhouette import silhouettes

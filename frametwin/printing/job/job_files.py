@@ -37,7 +37,7 @@ from frametwin.files import check_format, file_hash, read_json, write_json
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.guards import GuardLimits
-from frametwin.printing.process.coupon import without_last
+from frametwin.printing.process.added_struts import without_last
 from frametwin.printing.toolpath.robot_files import RobotSettings
 from frametwin.ranges import at_least, check_settings, one_of
 

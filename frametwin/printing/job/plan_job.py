@@ -20,7 +20,8 @@ from frametwin.printing.job.creep_forecast import UNTRUSTED_SIZE, CreepForecast
 from frametwin.printing.job.guards import GuardLimits
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
-from frametwin.printing.process.coupon import frame_alone, with_coupon
+from frametwin.printing.process.added_struts import frame_alone
+from frametwin.printing.process.coupon import with_coupon
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle

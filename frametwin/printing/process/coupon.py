@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from frametwin.errors import InputError
-from frametwin.geometry.wireframe import Wireframe, straight_control_points
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.stiffness import Material
+from frametwin.printing.process.added_struts import plate_of, with_struts
 from frametwin.printing.process.material import PrintSettings
-from frametwin.printing.records.sequence import PrintSequence
 
 LEAN = np.radians(60.0)
 """From the vertical: what leans further droops more, but the tool has to get below it."""
@@ -62,30 +61,13 @@ def with_coupon(frame: Wireframe, count: int, weight: float = 1.0, doubt: float 
     reach = np.clip(reach, SHORTEST * radius, max(SHORTEST * radius, LONGEST * frame.extent))
     axis = np.column_stack([np.sin(LEAN) * outwards, np.full(count, np.cos(LEAN))])
     points = np.stack([feet, feet + reach[:, None] * axis], axis=1).reshape(-1, 3)
-    vertices = np.concatenate([frame.vertices, points])
-    own = frame.vertex_count + np.arange(2 * count).reshape(-1, 2)
-    return Wireframe.create(
-        vertices,
-        np.concatenate([frame.edges, own]),
-        control_points=np.concatenate([frame.control_points, straight_control_points(vertices, own)]),
-        radius=np.concatenate([frame.radius, np.full(count, radius)]),
-        printed=np.concatenate([frame.printed, np.ones(count, dtype=bool)]),
-        grounded=np.concatenate([frame.grounded, np.tile([True, False], count)]),
-        batch=np.concatenate([frame.batch - frame.batch.min() + 1, np.zeros(count, dtype=np.int64)]),
-        name=frame.name,
+    return with_struts(
+        frame.replace(batch=frame.batch - frame.batch.min() + 1),
+        points,
+        frame.vertex_count + np.arange(2 * count).reshape(-1, 2),
+        grounded=np.tile([True, False], count),
+        batch=np.zeros(count, dtype=np.int64),
     )
-
-
-def without_last(count: int, others: int) -> np.ndarray:
-    """(E,) bool: which of ``count`` struts are a frame's own, the last ``others`` being of a coupon or supports."""
-    return np.arange(count) < count - others
-
-
-def frame_alone(design: Wireframe, sequence: PrintSequence, others: int) -> tuple[Wireframe, PrintSequence]:
-    """The frame of a design whose last struts are a coupon or supports, and the order of its struts."""
-    own = without_last(design.strut_count, others)
-    frame, vertices = design.subset(own)
-    return frame, sequence.part(own, vertices)
 
 
 def drooping_length(radius: float, weight: float, settings: PrintSettings | None = None) -> float:
@@ -104,20 +86,6 @@ def _lengths(count: int, radius: float, weight: float, doubt: float) -> np.ndarr
     order = np.argsort(np.arange(count) * GOLDEN % 1.0, kind="stable")  # neighbours are of different lengths
     grades = np.linspace(-1.0, 1.0, count)[order] if count > 1 else np.zeros(1)
     return np.asarray(drooping_length(radius, weight) * np.exp(min(doubt, WIDEST_DOUBT) / 3.0 * grades))
-
-
-def plate_of(frame: Wireframe) -> float:
-    """Height of the plate in mm: that of the lowest foot; vertices that no strut uses are none.
-
-    Raises
-    ------
-    InputError
-        If nothing of the frame stands on it.
-    """
-    feet = frame.grounded & (frame.degree > 0)
-    if not feet.any():
-        raise InputError.at(frame.name, "grounded", "nothing stands on the plate", "mark what does as grounded")
-    return float(frame.vertices[feet, 2].min())
 
 
 def _places(frame: Wireframe, count: int, radius: float, plate: float) -> tuple[np.ndarray, np.ndarray]:

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from frametwin.geometry.bezier import evaluate
-from frametwin.geometry.wireframe import Wireframe, straight_control_points
-from frametwin.printing.process.coupon import plate_of
+from frametwin.geometry.wireframe import Wireframe
+from frametwin.printing.process.added_struts import plate_of, with_struts
 from frametwin.printing.records.sequence import PrintSequence
 
 LOWEST = 8.0
@@ -103,26 +103,26 @@ def with_supports(frame: Wireframe, joints: Sequence[int]) -> Wireframe:
     if not len(joints):
         return frame
     plate, typical = plate_of(frame), float(np.median(frame.lengths))
-    vertices, edges, grounded, batch = list(frame.vertices), [], list(frame.grounded), []
+    plate, typical = plate_of(frame), float(np.median(frame.lengths))
+    points: list[np.ndarray] = []
+    edges: list[tuple[int, int]] = []
+    grounded: list[bool] = []
+    batch: list[int] = []
     for joint in joints:
         top = frame.vertices[joint]
         pieces = max(1, round((top[2] - plate) / typical))
-        nodes = [len(vertices) + k for k in range(pieces)] + [int(joint)]
+        nodes = [*(frame.vertex_count + len(points) + np.arange(pieces)).tolist(), int(joint)]
         heights = plate + (top[2] - plate) * np.arange(pieces) / pieces
-        vertices += [np.array([top[0], top[1], height]) for height in heights]
+        points += [np.array([top[0], top[1], height]) for height in heights]
         grounded += [k == 0 for k in range(pieces)]
         edges += list(zip(nodes, nodes[1:], strict=False))
         batch += [int(frame.batch[(frame.edges == joint).any(axis=1)].min())] * pieces
-    points, added = np.array(vertices), np.array(edges, dtype=np.int64)
-    return Wireframe.create(
-        points,
-        np.concatenate([frame.edges, added]),
-        control_points=np.concatenate([frame.control_points, straight_control_points(points, added)]),
-        radius=np.concatenate([frame.radius, np.full(len(added), float(np.median(frame.radius)))]),
-        printed=np.concatenate([frame.printed, np.ones(len(added), dtype=bool)]),
+    return with_struts(
+        frame,
+        np.array(points),
+        np.array(edges, dtype=np.int64),
         grounded=np.array(grounded),
-        batch=np.concatenate([frame.batch, batch]),
-        name=frame.name,
+        batch=np.array(batch, dtype=np.int64),
     )
 
 

@@ -14,8 +14,8 @@ from frametwin.geometry import bezier
 from frametwin.geometry.displacement import largest_deviation
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.sag import moved_frame
+from frametwin.printing.process.added_struts import frame_alone, without_last
 from frametwin.printing.process.calibration import own_weight, stiffness_between, weight_scale
-from frametwin.printing.process.coupon import frame_alone, without_last
 from frametwin.printing.process.material import PrintSettings, ProcessVariation
 from frametwin.printing.process.settling import bent_ends, settled
 from frametwin.printing.records.sequence import PrintSequence
