@@ -70,12 +70,22 @@ ACCEPTED = ("camera-moved",)
 """With few struts and blobs at their joints, a camera seems to be off by four of its deviations now and then."""
 
 
+def plan_of(name: str, way: str) -> PlanOptions:
+    """How a frame is printed in a way."""
+    supports = MORE_SUPPORTS.get(name, SUPPORTS) if way == "supported" else 0
+    return PlanOptions(**WAYS[way], supports=supports, reprint=True, allow_contact=True, formats=("json",))
+
+
 def printed(
-    frame: Wireframe, order: Path, way: str, seed: int, folder: Path, material: Path | None, behaves: PrintSettings
+    frame: Wireframe,
+    order: Path,
+    plan: PlanOptions,
+    seed: int,
+    folder: Path,
+    material: Path | None,
+    behaves: PrintSettings,
 ) -> dict[str, Any]:
     """Print a frame once."""
-    supports = MORE_SUPPORTS.get(frame.name, SUPPORTS) if way == "supported" else 0
-    plan = PlanOptions(**WAYS[way], supports=supports, reprint=True, allow_contact=True, formats=("json",))
     options = SimulationOptions(plan=plan, print=behaves, rig=FINE.get(frame.name, RIG), seed=seed, accept=ACCEPTED)
     try:
         return simulate_print(folder, frame, options, order=order, material=material).as_dict()
@@ -169,7 +179,7 @@ class Bench:
             earlier = 0 if material is None else int(read_json(material)["prints"])
             result: dict[str, Any] = {"name": name, "way": way, "seed": seed, "earlier": earlier}
             behaves = COOLED.get(name, PRINT)
-            result.update(printed(frame, self.order(name, frame), way, seed, folder, material, behaves))
+            result.update(printed(frame, self.order(name, frame), plan_of(name, way), seed, folder, material, behaves))
             if keep is not None:
                 found = sorted(folder.glob(f"batches/*/{MATERIAL}"))
                 if not found:
