@@ -70,23 +70,18 @@ ACCEPTED = ("camera-moved",)
 """With few struts and blobs at their joints, a camera seems to be off by four of its deviations now and then."""
 
 
-def plan_of(name: str, way: str) -> PlanOptions:
+def options_of(name: str, way: str, seed: int) -> SimulationOptions:
     """How a frame is printed in a way."""
     supports = MORE_SUPPORTS.get(name, SUPPORTS) if way == "supported" else 0
-    return PlanOptions(**WAYS[way], supports=supports, reprint=True, allow_contact=True, formats=("json",))
+    plan = PlanOptions(**WAYS[way], supports=supports, reprint=True, allow_contact=True, formats=("json",))
+    behaves, rig = COOLED.get(name, PRINT), FINE.get(name, RIG)
+    return SimulationOptions(plan=plan, print=behaves, rig=rig, seed=seed, accept=ACCEPTED)
 
 
 def printed(
-    frame: Wireframe,
-    order: Path,
-    plan: PlanOptions,
-    seed: int,
-    folder: Path,
-    material: Path | None,
-    behaves: PrintSettings,
+    frame: Wireframe, order: Path, options: SimulationOptions, folder: Path, material: Path | None
 ) -> dict[str, Any]:
     """Print a frame once."""
-    options = SimulationOptions(plan=plan, print=behaves, rig=FINE.get(frame.name, RIG), seed=seed, accept=ACCEPTED)
     try:
         return simulate_print(folder, frame, options, order=order, material=material).as_dict()
     except InputError as error:  # what stands is where the robot cannot go on, such as below the plate
@@ -178,8 +173,8 @@ class Bench:
             folder = scratch / "job"
             earlier = 0 if material is None else int(read_json(material)["prints"])
             result: dict[str, Any] = {"name": name, "way": way, "seed": seed, "earlier": earlier}
-            behaves = COOLED.get(name, PRINT)
-            result.update(printed(frame, self.order(name, frame), plan_of(name, way), seed, folder, material, behaves))
+            options = options_of(name, way, seed)
+            result.update(printed(frame, self.order(name, frame), options, folder, material))
             if keep is not None:
                 found = sorted(folder.glob(f"batches/*/{MATERIAL}"))
                 if not found:

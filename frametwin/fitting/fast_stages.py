@@ -224,10 +224,9 @@ def _joint_sizes(problem: Problem, state: State, pose: Pose, terms: Terms, stage
     """Sizes by which joints become as large as the terms of a state ask for, when struts are as thick as in a pose."""
     if state.joint_size is None:
         return None
-    before, after = (
-        drawn(problem, replace(state, pose=one), stage.pieces).joint_radius() for one in (state.pose, pose)
-    )
-    return learn_joint_sizes(state.joint_size, before, after, terms.joint_widths)
+    seen = drawn(problem, state, stage.pieces)
+    thicker = replace(seen, radius=np.repeat(pose.radius[:, None], stage.pieces, axis=1))
+    return learn_joint_sizes(state.joint_size, seen.joint_radius(), thicker.joint_radius(), terms.joint_widths)
 
 
 def _free_step(

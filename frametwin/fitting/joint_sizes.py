@@ -58,12 +58,10 @@ def learn_joint_sizes(sizes: np.ndarray, radius: np.ndarray, by_struts: np.ndarr
     seen = (radius > 0.0) & (widths[:, 0] > 0.0)
     if not seen.any():
         return sizes
-    step = steadied(np.log(sizes[seen]), widths[seen, 0] * radius[seen] ** 2, widths[seen, 1] * radius[seen])
+    near = np.log(sizes[seen])
+    step = steadied(near, widths[seen, 0] * radius[seen] ** 2, widths[seen, 1] * radius[seen])
     if step is None:
         return sizes
-    near = np.log(sizes[seen])
     result = sizes.copy()
-    result[seen] = np.exp(np.clip(step, near - FURTHEST, near + FURTHEST))
-    kept = seen & (by_struts > 0.0)
-    result[kept] *= radius[kept] / by_struts[kept]
+    result[seen] = np.exp(np.clip(step, near - FURTHEST, near + FURTHEST)) * radius[seen] / by_struts[seen]
     return np.clip(result, SMALLEST, LARGEST)

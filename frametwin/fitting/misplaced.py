@@ -122,7 +122,7 @@ def _promising(problem: Problem, state: State) -> tuple[np.ndarray, np.ndarray]:
     now = drawn(problem, state, stage.pieces)
     white = whiteness_of(problem, state, stage)
     struts = np.argsort(white, kind="stable")
-    struts = struts[(white < BROKEN)[struts] & ~problem.stubs[struts]][:MOST]
+    struts = struts[((white < BROKEN) & ~problem.stubs)[struts]][:MOST]
     if not len(struts):
         return struts, np.zeros((0, 4, 3))
     shapes = shapes_to_try(now.control_points[struts], state.pose.radius[struts])

@@ -9,12 +9,10 @@ import numpy as np
 from frametwin.cameras import Camera
 from frametwin.fields.base import DeformationField
 from frametwin.fitting.camera_corrections import freedoms_of
+from frametwin.fitting.judgement import WHOLE
 from frametwin.fitting.known_start import KnownStart
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.twin.twin import Twin
-
-WHOLE = 0.9
-"""Share of a strut that must have been there for its shape to be known."""
 
 LARGER = 1.01
 """Size of joints, relative to their thickest strut's, from which a twin says that they have material of their own."""
@@ -40,8 +38,8 @@ def start_after(twin: Twin, field: DeformationField, frame: Wireframe, cameras: 
 
 def _cubic(frame: Wireframe, twin: Twin) -> np.ndarray:
     """(K,) struts, counted among those that are printed by now, which the twin saw whole and did not find bent."""
-    _, struts, _ = frame.printed_part()
-    return np.flatnonzero((twin.completeness[struts] > WHOLE) & ~np.isin(struts, list(twin.bent)))
+    struts = np.flatnonzero(frame.printed)
+    return np.flatnonzero((twin.completeness[struts] >= WHOLE) & ~np.isin(struts, list(twin.bent)))
 
 
 def _joint_size(frame: Wireframe, twin: Twin) -> np.ndarray | None:

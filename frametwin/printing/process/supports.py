@@ -103,7 +103,6 @@ def with_supports(frame: Wireframe, joints: Sequence[int]) -> Wireframe:
     if not len(joints):
         return frame
     plate, typical = plate_of(frame), float(np.median(frame.lengths))
-    plate, typical = plate_of(frame), float(np.median(frame.lengths))
     points: list[np.ndarray] = []
     edges: list[tuple[int, int]] = []
     grounded: list[bool] = []
