@@ -14,10 +14,11 @@ from frametwin.cameras.rig_file import DRIFT
 from frametwin.capture.capture import read_capture
 from frametwin.evaluation.evaluate import evaluate
 from frametwin.fitting import api
-from frametwin.fitting.camera_freedoms import SHIFT, TURN, rotations
+from frametwin.fitting.camera_freedoms import SHIFT, TURN
 from frametwin.fitting.judgement import judged_on_photographs
 from frametwin.fitting.photo_fit import OUTLINE_OF_MASKS
 from frametwin.formats import read_frame
+from frametwin.geometry.rotations import rotation_matrices
 from frametwin.twin.verdict import Verdict
 
 PHOTOGRAPHS = Path(__file__).resolve().parents[2] / "shared" / "photographs"
@@ -70,7 +71,7 @@ def test_a_calibrated_rig_is_not_carried_off_by_the_masks_of_photographs() -> No
 def _nudged(camera: Camera, known: np.ndarray, draw: np.random.Generator) -> Camera:
     """The camera turned and shifted by chance, by about as much as drifts after a calibration."""
     pose = np.array(camera.camera_to_world)
-    pose[:3, :3] = pose[:3, :3] @ rotations(DRIFT[TURN] * draw.normal(size=3))
+    pose[:3, :3] = pose[:3, :3] @ rotation_matrices(DRIFT[TURN] * draw.normal(size=3))
     pose[:3, 3] += DRIFT[SHIFT] * draw.normal(size=3)
     return dataclasses.replace(camera, camera_to_world=pose, covariance=known)
 

@@ -8,8 +8,8 @@ from print_physics import Formula, twin_at
 
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.rotations import rotation_matrices
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.printing.adaptation.adapt import AdaptSettings, adapt, lost_struts
 from frametwin.printing.adaptation.plate import feet_on_plate
 from frametwin.twin.twin import Twin

@@ -12,8 +12,8 @@ from small_frames import tower
 from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import InputError
 from frametwin.geometry.parametric import named_frame
+from frametwin.geometry.rotations import rotation_matrices
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.printing.process.material import PrintSettings, ProcessVariation
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.simulation.growth import GrowingPrint

@@ -13,8 +13,9 @@ from small_frames import interface_vertices
 from frametwin.errors import Cancelled, InputError
 from frametwin.formats import read_frame
 from frametwin.geometry import bezier
+from frametwin.geometry.rotations import rotation_matrices
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.finite_rotation import RotatedShape, rotation_matrices
+from frametwin.mechanics.finite_rotation import RotatedShape
 from frametwin.mechanics.hardening import Hardening, strut_stiffness
 from frametwin.mechanics.sag import SagSettings, sag, scaled_shape, simulate_sag
 from frametwin.mechanics.stiffness import PLA, FrameBeams

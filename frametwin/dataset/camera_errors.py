@@ -15,7 +15,7 @@ from frametwin.capture.transforms import FORMAT, VERSION, read_cameras
 from frametwin.dataset.hashes import REMEDY
 from frametwin.dataset.specification_values import ErrorValues
 from frametwin.errors import InputError
-from frametwin.mechanics.finite_rotation import rotation_matrices
+from frametwin.geometry.rotations import rotation_matrices
 
 TRUE_FILE = "true_cameras.json"
 """Cameras that took the pictures, in the format of ``transforms.json``; only where the stated ones differ."""

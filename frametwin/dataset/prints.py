@@ -23,9 +23,9 @@ from frametwin.dataset.specification_values import (
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.geometry.displacement import largest_displacement
+from frametwin.geometry.rotations import rotation_matrices
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.deformations import deform, rigid_motion
-from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.mechanics.hardening import Hardening
 from frametwin.mechanics.sag import SagSettings
 from frametwin.progress import ProgressCallback

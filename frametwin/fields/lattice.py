@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Cells = tuple[int, int, int]
+Orders = tuple[int, int, int]
+
+FUNCTIONS = 64
+"""Of each level that reach a point."""
+
+_BLOCK = 4096  # points that are evaluated at once
 
 # Cubic B-spline pieces: coefficients of 1, s, s^2, s^3 of the four functions that meet in a cell, s in 0..1.
 _PIECES = np.array([[1.0, -3.0, 3.0, -1.0], [4.0, 0.0, -6.0, 3.0], [1.0, 3.0, 3.0, -3.0], [0.0, 0.0, 0.0, 1.0]]) / 6.0
@@ -85,6 +91,11 @@ class LatticeField(DeformationField):
         """(C, 3) coefficients of all levels one after another, in the order of the matrices' columns."""
         return np.concatenate([level.reshape(-1, 3) for level in self.levels])
 
+    @property
+    def size(self) -> int:
+        """How many coefficients C all levels have."""
+        return sum(level.size // 3 for level in self.levels)
+
     def with_coefficients(self, coefficients: ArrayLike) -> LatticeField:
         """The field with other coefficients (C, 3), in the order of `coefficients`."""
         values = np.asarray(coefficients, dtype=np.float64)
@@ -96,7 +107,12 @@ class LatticeField(DeformationField):
 
     def evaluate(self, points: ArrayLike) -> Floats:
         """Displacements (N, 3) in mm of the points (N, 3)."""
-        return self.basis_matrix(points) @ self.coefficients
+        where, coefficients = checked_points(points), self.coefficients
+        result = np.empty((len(where), 3))
+        for start in range(0, len(where), _BLOCK):
+            weights, columns = self._weights(where[start : start + _BLOCK], (0, 0, 0))
+            result[start : start + _BLOCK] = np.matmul(weights[:, None, :], coefficients[columns])[:, 0]
+        return result
 
     def laplacian(self, points: ArrayLike) -> Floats:
         """Vector Laplacian (N, 3) in 1 / mm at the points (N, 3)."""
@@ -117,7 +133,7 @@ class LatticeField(DeformationField):
         second = [self.derivative_matrix(points, orders) for orders in ((2, 0, 0), (0, 2, 0), (0, 0, 2))]
         return second[0] + second[1] + second[2]
 
-    def derivative_matrix(self, points: ArrayLike, orders: tuple[int, int, int]) -> sparse.csr_matrix:
+    def derivative_matrix(self, points: ArrayLike, orders: Orders) -> sparse.csr_matrix:
         """(N, C) matrix of a partial derivative.
 
         Parameters
@@ -125,26 +141,37 @@ class LatticeField(DeformationField):
         points : (N, 3) mm, inside of the box or not.
         orders : how often to differentiate along x, y and z; 0, 1 or 2 each.
         """
-        from scipy import sparse
+        from scipy import sparse  # takes a fifth of a second to load, and the fast fit needs none of it
 
-        where = checked_points(points)
-        count = len(where)
-        data, columns, before = [], [], 0
+        weights, columns = self._weights(checked_points(points), orders)
+        ends = np.arange(len(weights) + 1) * weights.shape[1]
+        return sparse.csr_matrix((weights.ravel(), columns.ravel(), ends), shape=(len(weights), self.size))
+
+    def dense_matrix(self, points: ArrayLike, orders: Orders = (0, 0, 0)) -> Floats:
+        """(N, C) array, as `derivative_matrix`: quicker where a lattice has few coefficients."""
+        where, parts = checked_points(points), []
+        for cells in self.resolutions:
+            x, y, z = (axis_matrix(where[:, a], self.box[:, a], cells[a], orders[a]) for a in range(3))
+            plane = (x[:, :, None] * y[:, None, :]).reshape(len(where), -1)
+            parts.append((plane[:, :, None] * z[:, None, :]).reshape(len(where), -1))
+        return np.concatenate(parts, axis=1)
+
+    def _weights(self, where: Floats, orders: Orders) -> tuple[Floats, NDArray[np.int64]]:
+        """Weights (N, K) of the functions that reach each point (N, 3), and which coefficients (N, K) these have."""
+        count, data, columns, before = len(where), [], [], 0
         for cells, level in zip(self.resolutions, self.levels, strict=True):
             weights, first = zip(
                 *(_axis_weights(where[:, a], self.box[:, a], cells[a], orders[a]) for a in range(3)),
                 strict=True,
             )
             plane = (weights[0][:, :, None] * weights[1][:, None, :]).reshape(count, 16)
-            data.append((plane[:, :, None] * weights[2][:, None, :]).reshape(count, 64))
+            data.append((plane[:, :, None] * weights[2][:, None, :]).reshape(count, FUNCTIONS))
             steps = [f[:, None] + np.arange(4) for f in first]  # three of (N, 4)
             ny, nz = level.shape[1:3]
             index = (steps[0][:, :, None, None] * ny + steps[1][:, None, :, None]) * nz + steps[2][:, None, None, :]
-            columns.append(index.reshape(count, 64) + before)
+            columns.append(index.reshape(count, FUNCTIONS) + before)
             before += level.size // 3
-        ends = np.arange(count + 1) * (64 * len(data))
-        flat, index = np.concatenate(data, axis=1).ravel(), np.concatenate(columns, axis=1).ravel()
-        return sparse.csr_matrix((flat, index, ends), shape=(count, before))
+        return np.concatenate(data, axis=1), np.concatenate(columns, axis=1)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """The box and every level, as float64."""

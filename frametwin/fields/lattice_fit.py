@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from frametwin.fields.base import checked_points
-from frametwin.fields.lattice import Cells, LatticeField, axis_matrix
-
-if TYPE_CHECKING:
-    from scipy import sparse
+from frametwin.fields.lattice import FUNCTIONS, Cells, LatticeField, axis_matrix
 
 Floats = NDArray[np.float64]
 Term = tuple[tuple[int, int, int], float]
@@ -69,8 +65,6 @@ def fit_lattice(
     ValueError
         If shapes do not fit, weights are not usable, or there are more than `MOST_COEFFICIENTS` coefficients.
     """
-    from scipy import linalg
-
     field = LatticeField.zeros(box, resolutions)
     where, targets = checked_points(points), checked_points(displacements)
     share = np.ones(len(where)) if weights is None else np.asarray(weights, dtype=np.float64)
@@ -78,12 +72,11 @@ def fit_lattice(
         raise ValueError(f"{len(where)} points, {len(targets)} displacements and weights {share.shape} do not fit")
     if not (np.isfinite(share).all() and share.min(initial=0.0) >= 0.0 and share.sum() > 0.0):
         raise ValueError("weights must be finite, not negative and not all zero")
-    size = len(field.coefficients)
+    size = field.size
     if size > MOST_COEFFICIENTS:
         raise ValueError(f"{size} coefficients are more than {MOST_COEFFICIENTS}; use coarser levels")
     root = np.sqrt(share / share.sum())[:, None]
-    basis = field.basis_matrix(where).multiply(root).tocsr()
-    normal = _gram(basis)
+    normal, right = _normal_equations(field, where, root, targets)
     length = float(np.ptp(field.box, axis=0).max())
     domain = tuple(field.box.ravel().tolist()), tuple(field.resolutions)
     if bending > 0.0:
@@ -91,22 +84,24 @@ def fit_lattice(
     if stretch > 0.0:
         normal += stretch * length**2 * _energy(*domain, _FIRST)
     normal[np.diag_indices(size)] += _RIDGE * np.trace(normal) / size
-    return field.with_coefficients(linalg.cho_solve(linalg.cho_factor(normal), basis.T @ (root * targets)))
+    return field.with_coefficients(np.linalg.solve(normal, right))
 
 
-def _gram(matrix: sparse.csr_matrix) -> Floats:
-    """(C, C) product of the transposed matrix with itself.
+def _normal_equations(field: LatticeField, points: Floats, root: Floats, targets: Floats) -> tuple[Floats, Floats]:
+    """(C, C) and (C, 3) of the least squares, each point weighted by the square of its ``root`` (N, 1).
 
     As long as the matrix is not much wider than its filled part, dense blocks are several times faster.
     """
-    rows, columns = matrix.shape
-    if columns > _DENSE * matrix.nnz / max(rows, 1):
-        return (matrix.T @ matrix).toarray()
-    total = np.zeros((columns, columns))
-    for start in range(0, rows, _BLOCK):
-        block = matrix[start : start + _BLOCK].toarray()
-        total += block.T @ block
-    return total
+    if field.size > _DENSE * FUNCTIONS * len(field.levels):
+        basis = field.basis_matrix(points).multiply(root).tocsr()
+        return (basis.T @ basis).toarray(), basis.T @ (root * targets)
+    normal, right = np.zeros((field.size, field.size)), np.zeros((field.size, 3))
+    for start in range(0, len(points), _BLOCK):
+        some = slice(start, start + _BLOCK)
+        basis = root[some] * field.dense_matrix(points[some])
+        normal += basis.T @ basis
+        right += basis.T @ (root[some] * targets[some])
+    return normal, right
 
 
 @lru_cache(maxsize=4)
@@ -119,7 +114,7 @@ def _energy(box: tuple[float, ...], resolutions: tuple[Cells, ...], terms: tuple
     field = LatticeField.zeros(np.reshape(box, (2, 3)), resolutions)
     along = [_axis_products(field, axis) for axis in range(3)]
     levels = range(len(field.levels))
-    total = np.zeros((len(field.coefficients),) * 2)
+    total = np.zeros((field.size,) * 2)
     for (x, y, z), factor in terms:
         blocks = [
             [np.kron(np.kron(along[0][x, a, b], along[1][y, a, b]), along[2][z, a, b]) for b in levels] for a in levels

@@ -10,8 +10,9 @@ import numpy as np
 from frametwin.arrays import checked_array
 from frametwin.cameras import Camera
 from frametwin.errors import InputError
-from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, FREEDOMS, LENS, SHIFT, TURN, corrected, turns
+from frametwin.fitting.camera_freedoms import CENTRE, FOCAL, FREEDOMS, LENS, SHIFT, TURN, corrected
 from frametwin.fitting.part_fit import ViewsFit
+from frametwin.geometry.rotations import turns_of
 
 
 def as_records(found: ViewsFit, cameras: Sequence[Camera]) -> list[dict[str, Any]]:
@@ -41,7 +42,7 @@ def as_record(name: str, freedoms: np.ndarray, sigmas: float, held_by: str) -> d
 def corrections_between(before: Camera, after: Camera) -> np.ndarray:
     """(10,) freedoms that make one camera another one of the same lens; `corrected` undone."""
     result = np.zeros(FREEDOMS)
-    result[TURN] = turns((before.camera_to_world[:3, :3].T @ after.camera_to_world[:3, :3]).T)
+    result[TURN] = turns_of((before.camera_to_world[:3, :3].T @ after.camera_to_world[:3, :3]).T)
     result[SHIFT] = after.centre - before.centre
     result[FOCAL] = np.log(after.fl_x / before.fl_x)
     result[CENTRE] = after.cx - before.cx, after.cy - before.cy

@@ -20,6 +20,7 @@ import numpy as np
 from frametwin.cameras import Camera
 from frametwin.compiled.kept_loops import KeptLoops
 from frametwin.fitting.elastic import ElasticFrame
+from frametwin.geometry.rotations import rotation_matrices
 from frametwin.ranges import check_settings, within
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, ViewTerms
@@ -113,28 +114,12 @@ class CameraPrior:
         return 0.5 * float((freedoms * self.pull(freedoms)).sum())
 
 
-def rotations(vectors: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) matrices of turns about the directions of ``vectors`` (..., 3), radians."""
-    if not vectors.any():  # exact cameras do without a module that takes a sixth of a second to import
-        return np.tile(np.eye(3), (*vectors.shape[:-1], 1, 1))
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
-
-
-def turns(matrices: np.ndarray) -> np.ndarray:
-    """The inverse of `rotations`."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(matrices).as_rotvec())
-
-
 def corrected(cameras: Sequence[Camera], freedoms: np.ndarray) -> list[Camera]:
     """The cameras after their freedoms (N, 10), but for the lens, which a pinhole camera has none of."""
     result = []
     for camera, own in zip(cameras, freedoms, strict=True):
         pose = np.array(camera.camera_to_world)
-        pose[:3, :3] = pose[:3, :3] @ rotations(own[TURN]).T
+        pose[:3, :3] = pose[:3, :3] @ rotation_matrices(own[TURN]).T
         pose[:3, 3] += own[SHIFT]
         factor = float(np.exp(own[FOCAL]))
         result.append(
@@ -238,7 +223,7 @@ def joined_rows(elastic: ElasticFrame, parts: np.ndarray, terms: CameraTerms) ->
 def moved_cameras(packed: np.ndarray, freedoms: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """(N, 17) packed cameras of a level after their freedoms (N, 10); scales (N,) as in `camera_terms`."""
     result = packed.copy()
-    turned = rotations(freedoms[:, TURN]) @ packed[:, :9].reshape(-1, 3, 3)
+    turned = rotation_matrices(freedoms[:, TURN]) @ packed[:, :9].reshape(-1, 3, 3)
     centre = -np.einsum("vca,vc->va", packed[:, :9].reshape(-1, 3, 3), packed[:, 9:12]) + freedoms[:, SHIFT]
     result[:, :9] = turned.reshape(-1, 9)
     result[:, 9:12] = -np.einsum("vca,va->vc", turned, centre)

@@ -165,7 +165,7 @@ def reduced_system(
     shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
     right = elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
     border = joined_rows(elastic, coupled, cams)
-    both = elastic.factorise(elastic.anchored(matrix)).solve(np.column_stack([right, border]))
+    both = elastic.anchored(matrix).factorise().solve(np.column_stack([right, border]))
     joints, by_border = both[:, 0], both[:, 1:]
     return Reduced(
         matrix=own - border.T @ by_border,

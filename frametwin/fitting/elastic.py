@@ -5,13 +5,13 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
-from scipy import sparse
 
 from frametwin.fitting.stubs import tell_typical
 from frametwin.geometry import bezier
+from frametwin.geometry.rotations import cross_matrix
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.beams import Sections, cross_matrix, element_stiffness
-from frametwin.mechanics.blocks import BlockFactor, BlockPattern
+from frametwin.mechanics.beams import Sections, element_stiffness
+from frametwin.mechanics.blocks import BlockMatrix, BlockPattern
 
 INNER = slice(3, 9)
 """Of a strut's twelve control coordinates, the two inner points."""
@@ -95,16 +95,15 @@ class ElasticFrame:
     def _find_pattern(self) -> None:
         """Where every element's entries go in the assembled matrix; found once, as it never changes."""
         self._pattern = BlockPattern.of(self.edges, self.vertex_count)
-        self._diagonal = self._pattern.diagonal
         self._touched = np.zeros(self.vertex_count, dtype=bool)
         self._touched[self.edges.ravel()] = True
 
-    def assemble(self, blocks: np.ndarray, joint_blocks: np.ndarray | None = None) -> sparse.csc_matrix:
+    def assemble(self, blocks: np.ndarray, joint_blocks: np.ndarray | None = None) -> BlockMatrix:
         """Sum strut blocks (E, 12, 12) and joint blocks (V, 3, 3) over the shifts into a (6V, 6V) matrix."""
         entries = self._pattern.summed(blocks)
         if joint_blocks is not None:
             entries[self._pattern.own[self._touched, :3, :3]] += joint_blocks[self._touched]
-        return self._pattern.matrix(entries)
+        return BlockMatrix(self._pattern, entries)
 
     def assemble_vector(self, parts: np.ndarray, joint_parts: np.ndarray | None = None) -> np.ndarray:
         """Sum strut parts (E, 12) and joint parts (V, 3) into (6V,)."""
@@ -113,21 +112,16 @@ class ElasticFrame:
             total.reshape(-1, 6)[:, :3] += joint_parts
         return total
 
-    def anchored(self, matrix: sparse.csc_matrix) -> sparse.csc_matrix:
+    def anchored(self, matrix: BlockMatrix) -> BlockMatrix:
         """The matrix with a faint spring on every freedom, so that it can be factorised."""
-        mean = float(matrix.data[self._diagonal].mean())
-        anchored = matrix.copy()
-        anchored.data[self._diagonal] += ANCHOR * mean if mean > 0.0 else 1.0
-        anchored.data[self._diagonal[self._pinned]] += PINNED * max(mean, 1.0)
-        return anchored
+        mean = float(matrix.diagonal.mean())
+        springs = np.full(len(self._pattern.diagonal), ANCHOR * mean if mean > 0.0 else 1.0)
+        springs[self._pinned] += PINNED * max(mean, 1.0)
+        return matrix.plus_diagonal(springs)
 
-    def factorise(self, matrix: sparse.csc_matrix) -> BlockFactor:
-        """Factors of a positive definite matrix (6V, 6V) with the pattern of the assembled ones."""
-        return self._pattern.elimination.factorise(matrix.data)
-
-    def solve(self, matrix: sparse.csc_matrix, right: np.ndarray) -> np.ndarray:
+    def solve(self, matrix: BlockMatrix, right: np.ndarray) -> np.ndarray:
         """Solution of the anchored system."""
-        return self.factorise(self.anchored(matrix)).solve(right)
+        return self.anchored(matrix).factorise().solve(right)
 
     def displaced(self, control_points: np.ndarray, joints: np.ndarray, inner: np.ndarray) -> np.ndarray:
         """Control points (E, 4, 3) after the joints' freedoms (V, 6) and the struts' own (E, 6)."""

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frametwin.fitting.camera_freedoms import FREEDOMS, SHIFT, TURN, rotations, turns, whitening
+from frametwin.fitting.camera_freedoms import FREEDOMS, SHIFT, TURN, whitening
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.motion import Pose
 from frametwin.fitting.stubs import tell_typical
 from frametwin.geometry import bezier
+from frametwin.geometry.rotations import rotation_matrices, turns_of
 from frametwin.geometry.wireframe import Wireframe
 
 FEET = 0.05
@@ -60,8 +61,8 @@ def moved_rig(packed: np.ndarray, freedoms: np.ndarray, motion: Similarity) -> n
     own = packed[:, :9].reshape(-1, 3, 3)
     rest = -np.einsum("vca,vc->va", own, packed[:, 9:12])
     result[:, SHIFT] = motion(rest + freedoms[:, SHIFT]) - rest
-    turned = rotations(freedoms[:, TURN]) @ own @ motion.rotation.T
-    result[:, TURN] = turns(turned @ own.transpose(0, 2, 1))
+    turned = rotation_matrices(freedoms[:, TURN]) @ own @ motion.rotation.T
+    result[:, TURN] = turns_of(turned @ own.transpose(0, 2, 1))
     return result
 
 
@@ -109,7 +110,7 @@ def held_world(
         rows.append(np.array([[0.0] * 6 + [1.0 / LENGTH]]))
         values.append(np.array([(np.log(total.scale) + np.log(ratio)) / LENGTH]))
         step = -np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=None)[0]
-        small = Similarity(float(np.exp(step[6])), rotations(step[3:6]), step[:3])
+        small = Similarity(float(np.exp(step[6])), rotation_matrices(step[3:6]), step[:3])
         total = small.after(total)
         if np.abs(step).max() < 1e-9:
             break

@@ -46,7 +46,7 @@ def load_answers(elastic: ElasticFrame, cells: int) -> np.ndarray:
     """
     frame = elastic.frame
     box = _box(elastic)
-    basis = LatticeField.zeros(box, [even_cells(box, cells)]).basis_matrix(frame.vertices).toarray()
+    basis = LatticeField.zeros(box, [even_cells(box, cells)]).dense_matrix(frame.vertices)
     basis = basis[:, np.abs(basis).max(axis=0) > 1e-3]
     half = frame.chord_lengths / 2.0
     weight = np.bincount(frame.edges.ravel(), weights=np.repeat(half, 2), minlength=frame.vertex_count)
@@ -55,11 +55,9 @@ def load_answers(elastic: ElasticFrame, cells: int) -> np.ndarray:
         loads[:, axis, axis] = basis * weight[:, None]
     stiffness = elastic.anchored(elastic.assemble(elastic.stiffness))
     held = np.flatnonzero(frame.grounded)
-    diagonal = stiffness.diagonal()
-    grip = np.zeros_like(diagonal)
-    grip.reshape(-1, 6)[held] = HOLD * diagonal.mean()
-    stiffness.setdiag(diagonal + grip)
-    answers = elastic.factorise(stiffness).solve(loads.reshape(6 * frame.vertex_count, -1))
+    grip = np.zeros((frame.vertex_count, 6))
+    grip[held] = HOLD * stiffness.diagonal.mean()
+    answers = stiffness.plus_diagonal(grip.ravel()).factorise().solve(loads.reshape(6 * frame.vertex_count, -1))
     return _scaled(answers)
 
 
@@ -67,9 +65,10 @@ def smooth_warps(elastic: ElasticFrame, cells: int) -> np.ndarray:
     """A lattice of displacements (6V, M), joints turning by half the curl, each scaled as `load_answers`."""
     frame = elastic.frame
     lattice = LatticeField.zeros(_box(elastic), [even_cells(_box(elastic), cells)])
-    basis = lattice.basis_matrix(frame.vertices).toarray()
+    basis = lattice.dense_matrix(frame.vertices)
     used = np.abs(basis).max(axis=0) > 1e-3
-    slope = np.stack([lattice.gradient_matrix(frame.vertices, axis).toarray()[:, used] for axis in range(3)])
+    first = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    slope = np.stack([lattice.dense_matrix(frame.vertices, orders)[:, used] for orders in first])
     warps = np.zeros((frame.vertex_count, 6, 3, int(used.sum())))
     for axis in range(3):
         after, last = (axis + 1) % 3, (axis + 2) % 3

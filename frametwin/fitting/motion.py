@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
 
 from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
+from frametwin.mechanics.blocks import BlockMatrix
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, Terms
@@ -72,7 +72,7 @@ def as_rods(elastic: ElasticFrame, pose: Pose, pieces: int) -> Rods:
     )
 
 
-def joint_system(elastic: ElasticFrame, terms: Terms) -> tuple[sparse.csc_matrix, np.ndarray]:
+def joint_system(elastic: ElasticFrame, terms: Terms) -> tuple[BlockMatrix, np.ndarray]:
     """Matrix (6V, 6V) and gradient (6V,) of the loss by the joints' freedoms, struts following."""
     follow = elastic.follow
     turned = follow.transpose(0, 2, 1)
@@ -100,7 +100,7 @@ def smooth_descent(
     damping = 1e-3
     for _ in range(stage.iterations):
         matrix, gradient = joint_system(elastic, terms)
-        reduced = (short.T @ ((matrix + stiffness).astype(np.float32) @ short)).astype(np.float64)
+        reduced = (short.T @ ((matrix + stiffness) @ short)).astype(np.float64)
         slope = motions.T @ (gradient + stiffness @ pose.joints.ravel())
         diagonal = np.diag(reduced)
         bulk = np.diag(diagonal + 0.1 * diagonal.mean())
@@ -171,7 +171,7 @@ def free_step(
 
 def _without_inner(
     elastic: ElasticFrame, terms: Terms, weight: float
-) -> tuple[sparse.csc_matrix, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[BlockMatrix, np.ndarray, np.ndarray, np.ndarray]:
     """The system of pictures and elastic energy with the struts' own freedoms eliminated.
 
     Returns
@@ -209,7 +209,7 @@ def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs
         together costs when all else follows.
     """
     matrix, *_ = _without_inner(elastic, terms, weight)
-    factor = elastic.factorise(elastic.anchored(matrix))
+    factor = elastic.anchored(matrix).factorise()
     result = np.empty((len(pairs), 3, 3))
     for begin in range(0, len(pairs), TOGETHER):
         some = pairs[begin : begin + TOGETHER]

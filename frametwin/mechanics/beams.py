@@ -18,20 +18,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
+
+from frametwin.geometry.rotations import cross_matrix
 
 if TYPE_CHECKING:
+    from scipy import sparse
     from scipy.sparse.linalg import SuperLU
-
-
-def cross_matrix(t: np.ndarray) -> np.ndarray:
-    """Matrices (..., 3, 3) that take the cross product with the vectors ``t`` (..., 3) from the left."""
-    matrix = np.zeros((*t.shape[:-1], 3, 3))
-    x, y, z = np.moveaxis(t, -1, 0)
-    matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
-    matrix[..., 1, 0], matrix[..., 1, 2] = z, -x
-    matrix[..., 2, 0], matrix[..., 2, 1] = -y, x
-    return matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +173,8 @@ class Chains:
 
 def assemble(stiffness: np.ndarray, edges: np.ndarray, node_count: int) -> sparse.csc_matrix:
     """Sum element matrices (N, 12, 12) between the nodes ``edges`` (N, 2) into a sparse (6 V, 6 V) matrix."""
+    from scipy import sparse  # takes a fifth of a second to load, and fits need none of it
+
     freedoms = (6 * edges[:, :, None] + np.arange(6)).reshape(-1, 12)
     rows = np.repeat(freedoms, 12, axis=1).ravel()
     columns = np.tile(freedoms, (1, 12)).ravel()
@@ -202,7 +196,7 @@ def factorise(matrix: sparse.csc_matrix) -> SuperLU:
     Such a matrix needs no pivoting: the diagonal is taken as it comes, so the fill-in stays what minimum
     degree ordering promises (a tenth of what threshold pivoting makes of a frame of 4,000 struts).
     """
-    from scipy.sparse.linalg import splu  # takes a tenth of a second to load, and fits need none of it
+    from scipy.sparse.linalg import splu  # as `assemble` has it
 
     options = {"SymmetricMode": True}
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)

@@ -1,4 +1,4 @@
-"""Compiled loops of the factors L D L^T of sparse symmetric matrices of blocks of six by six: the joints of a frame.
+"""Compiled loops of sparse matrices of blocks of six by six, the joints of a frame, and of their factors L D L^T.
 
 A frame's matrices have one and the same pattern all through a fit, and it is that of its struts. So the order in which
 joints are eliminated is found once, on a graph that is 36 times as small as the matrix; and what is eliminated together
@@ -31,6 +31,23 @@ B = 6
 """Rows of a block."""
 
 U = np.uint64  # an index without a sign is not looked at for counting from the end
+
+
+@nb.njit(**HELPER | {"fastmath": True})
+def multiply(starts, rows, data, right, result):
+    """Add the product of a matrix with right sides (6V, M) to a result (6V, M)."""
+    for j in range(len(starts) - 1):
+        high = B * (starts[j + 1] - starts[j])
+        for block in range(starts[j], starts[j + 1]):
+            at, i = B * B * starts[j] + B * (block - starts[j]), B * rows[block]
+            for r in range(B):
+                a, b, c = data[at + r], data[at + high + r], data[at + 2 * high + r]
+                d, e, f = data[at + 3 * high + r], data[at + 4 * high + r], data[at + 5 * high + r]
+                to, k = U(i + r), U(B * j)
+                for m in range(U(right.shape[1])):
+                    first = a * right[k, m] + b * right[k + U(1), m] + c * right[k + U(2), m]
+                    last = d * right[k + U(3), m] + e * right[k + U(4), m] + f * right[k + U(5), m]
+                    result[to, m] += first + last
 
 
 @nb.njit(**HELPER)

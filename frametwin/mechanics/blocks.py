@@ -1,4 +1,4 @@
-"""Sparse symmetric matrices of blocks of six by six, one for each joint and each joined pair, and their factors."""
+"""Sparse matrices of blocks of six by six, one for each joint and each joined pair, and factors of symmetric ones."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
 from frametwin.compiled.kept_loops import KeptLoops
 
@@ -44,11 +43,8 @@ class BlockPattern:
         free = ((edges[:, None, :] >= 0) & (edges[:, :, None] >= 0)).ravel()
         keys, place = np.unique(np.append(pairs[free], np.arange(count) * (count + 1)), return_inverse=True)
         column, row = np.divmod(keys, max(count, 1))
-        high = np.bincount(column, minlength=count)  # blocks in a column
-        starts = np.append(0, np.cumsum(high))
-        corner = 36 * starts[column] + BLOCK * (np.arange(len(keys)) - starts[column])
-        six = np.arange(BLOCK)
-        inside = corner[:, None, None] + (BLOCK * high[column])[:, None, None] * six + six[:, None]  # (M, row, column)
+        starts = np.append(0, np.cumsum(np.bincount(column, minlength=count)))
+        inside = _slots_of_blocks(starts, column)
         slots = np.full((4 * elements, BLOCK, BLOCK), 36 * len(keys))
         joined = int(free.sum())
         slots[free] = inside[place[:joined]]
@@ -71,26 +67,74 @@ class BlockPattern:
         found = np.bincount(self.slots, weights=elements.ravel(), minlength=size + 1)[:size]
         return found.astype(np.float64, copy=False)  # of nothing it is one of whole numbers
 
-    def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
-        """Entries (36 M,) as a sparse matrix (6V, 6V)."""
-        size = BLOCK * len(self.own)
-        return sparse.csc_matrix((entries, self._indices, self._indptr), shape=(size, size))
 
-    @cached_property
-    def _indices(self) -> np.ndarray:
-        """Rows of all entries."""
-        high = np.diff(self.starts)
-        block = np.repeat(self.starts[:-1], BLOCK * high)  # of each row of a column of blocks its first
-        within = np.arange(BLOCK * len(self.rows)) - BLOCK * block
-        rows = BLOCK * self.rows[block + within // BLOCK] + within % BLOCK
-        parts = np.split(rows.astype(np.int32), BLOCK * self.starts[1:-1])
-        return np.concatenate([np.tile(part, BLOCK) for part in parts])
+def _slots_of_blocks(starts: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """(M, 6, 6) slots of the entries of each block, by row and column; ``column`` (M,) is that of each block."""
+    high = np.diff(starts)  # blocks in a column
+    corner = 36 * starts[column] + BLOCK * (np.arange(len(column)) - starts[column])
+    six = np.arange(BLOCK)
+    return np.asarray(corner[:, None, None] + (BLOCK * high[column])[:, None, None] * six + six[:, None])
 
-    @cached_property
-    def _indptr(self) -> np.ndarray:
-        high = np.diff(self.starts)
-        starts = 36 * self.starts[:-1, None] + BLOCK * high[:, None] * np.arange(BLOCK)
-        return np.append(starts.ravel(), 36 * len(self.rows)).astype(np.int32)
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrix:
+    """A matrix (6V, 6V) of a pattern.
+
+    Attributes
+    ----------
+    pattern : BlockPattern
+    entries : (36 M,) array
+        As `BlockPattern.summed` gives them.
+    """
+
+    pattern: BlockPattern
+    entries: np.ndarray
+
+    __array_ufunc__ = None  # arrays leave products with it to it
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(6V, 6V)."""
+        return (BLOCK * len(self.pattern.own),) * 2
+
+    @property
+    def diagonal(self) -> np.ndarray:
+        """(6V,) entries of the diagonal."""
+        return self.entries[self.pattern.diagonal]
+
+    def __add__(self, other: BlockMatrix) -> BlockMatrix:
+        """The sum of two matrices of the same pattern."""
+        return BlockMatrix(self.pattern, self.entries + other.entries)
+
+    def __rmul__(self, factor: float) -> BlockMatrix:
+        """The matrix, so many times."""
+        return BlockMatrix(self.pattern, factor * self.entries)
+
+    def __matmul__(self, right: np.ndarray) -> np.ndarray:
+        """Product with (6V,) or (6V, K), in the precision of these."""
+        sides = np.ascontiguousarray(right[:, None] if right.ndim == 1 else right)
+        result = np.zeros_like(sides)
+        entries = np.ascontiguousarray(self.entries, dtype=sides.dtype)
+        block_kernels.multiply(self.pattern.starts, self.pattern.rows, entries, sides, result)
+        return result.reshape(right.shape)
+
+    def plus_diagonal(self, values: np.ndarray) -> BlockMatrix:
+        """The matrix with values (6V,) added to its diagonal."""
+        entries = np.array(self.entries)
+        entries[self.pattern.diagonal] += values
+        return BlockMatrix(self.pattern, entries)
+
+    def factorise(self) -> BlockFactor:
+        """See `Elimination.factorise`."""
+        return self.pattern.elimination.factorise(self.entries)
+
+    def toarray(self) -> np.ndarray:
+        """All of it, what is zero too."""
+        starts, rows, count = self.pattern.starts, self.pattern.rows, len(self.pattern.own)
+        column = np.repeat(np.arange(count), np.diff(starts))
+        result = np.zeros((count, BLOCK, count, BLOCK))
+        result[rows, :, column] = self.entries[_slots_of_blocks(starts, column)]
+        return result.reshape(self.shape)
 
 
 @dataclass(frozen=True, eq=False)

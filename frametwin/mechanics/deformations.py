@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
 from frametwin.geometry.displacement import largest_displacement
+from frametwin.geometry.rotations import rotation_matrices
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.mechanics.hardening import strut_stiffness
 from frametwin.mechanics.sag import SAMPLES, SagSettings, sag, scaled_shape
 from frametwin.mechanics.stiffness import FrameBeams, require_grounded

@@ -20,16 +20,9 @@ from scipy import sparse
 from scipy.sparse.linalg import SuperLU
 
 from frametwin.geometry import bezier
-from frametwin.mechanics.beams import cross_matrix, factorise
+from frametwin.geometry.rotations import rotation_matrices
+from frametwin.mechanics.beams import factorise
 from frametwin.mechanics.stiffness import FrameBeams
-
-
-def rotation_matrices(vectors: np.ndarray) -> np.ndarray:
-    """Rotations (..., 3, 3) about ``vectors`` (..., 3) by their lengths in radians (Rodrigues' formula)."""
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    turn = cross_matrix(vectors)
-    # np.sinc keeps both quotients, sin(a) / a and (1 - cos(a)) / a^2, exact at zero.
-    return np.eye(3) + np.sinc(angle / np.pi) * turn + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * turn @ turn
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,7 +79,10 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
 
     def factors() -> None:
         elastic = ElasticFrame(frame)
-        elastic.solve(elastic.assemble(elastic.stiffness), np.zeros(6 * frame.vertex_count))
+        matrix, right = elastic.assemble(elastic.stiffness), np.zeros((6 * frame.vertex_count, 2))
+        elastic.solve(matrix, right)
+        for precision in (np.float32, np.float64):
+            matrix @ right.astype(precision)
 
     def moving_cameras() -> None:
         terms = camera_terms(drawn, rods.gauss_newton_by_view(drawn, level), level.cameras, np.ones(len(cameras)))

@@ -17,8 +17,8 @@ from frametwin.capture.capture import write_capture, write_description
 from frametwin.capture.scene import PhotoLook, Scene
 from frametwin.errors import InputError
 from frametwin.files import staged_directory, write_json
+from frametwin.geometry.rotations import rotation_matrices
 from frametwin.geometry.wireframe import Wireframe, straight_control_points
-from frametwin.mechanics.finite_rotation import rotation_matrices
 from frametwin.printing.simulation.outcome import Standing
 from frametwin.progress import ProgressCallback
 from frametwin.ranges import PictureSize, ViewCount, at_least, check_settings, one_of, within
