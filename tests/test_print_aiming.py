@@ -224,6 +224,27 @@ def test_batches_far_ahead_take_as_long_together_as_one_by_one(bridge: Wireframe
     assert np.linalg.norm(together - single) < 0.06 * np.linalg.norm(single)
 
 
+@pytest.mark.parametrize("batch", [0, 2])
+def test_where_the_next_joints_end_does_not_hang_on_how_finely_time_is_divided(batch: int) -> None:
+    """Against the same model that settles after every strut."""
+    frame = named_frame("half_bowl")
+    sequence = lowest_first(frame, 6)
+    fit = MaterialFit.start(CreepModel(frame, SETTINGS), known(1.2, 600.0, 0.1, 0.1))
+    batches = [sequence.struts[sequence.batch == k] for k in range(6)]
+    began = PrintState.before(frame.replace(printed=[False] * frame.strut_count), np.zeros(frame.strut_count), 0.0)
+    for struts in batches[:batch]:
+        began = fit.model.after(began, struts, fit.parameters, parts=len(struts))
+    state = began
+    for struts in batches[batch:]:
+        state = fit.model.after(state, struts, fit.parameters, parts=len(struts))
+    next_ones = frame.replace(printed=sequence.laid_before(batch + 2, frame.strut_count)).printed_vertices()
+    next_ones &= ~began.there
+    wanted = (state.points - began.points)[next_ones]
+    found = remaining_movement(fit, began, steps_of(batches[batch:])).joints[next_ones]
+    assert len(wanted) > 10 and np.linalg.norm(wanted, axis=1).max() > 1.0
+    assert np.linalg.norm(found - wanted) < 0.12 * np.linalg.norm(wanted)
+
+
 def test_sizes_of_batches_are_found_with_how_the_print_moves_in_them(bridge: Wireframe) -> None:
     many = lowest_first(bridge, 30)
     fit = MaterialFit.start(CreepModel(bridge, SETTINGS), known(1.2, 600.0, 0.1, 0.1))

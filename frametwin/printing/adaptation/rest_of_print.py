@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,12 @@ MOST_STEPS = 24
 NEAR_STEPS = 6
 """Batches that are computed one by one all the same."""
 
+NEAR_PARTS, FAR_PARTS = 3, 2
+"""Into which each of these batches, and each step further on, is divided; the print settles after each part. All that a
+part lays bears and holds all the while, from before it is laid: in one part, where the joints that come next end was
+told wrong by 0.7 to 2.1 mm (root mean square of four frames, against 13 parts of every batch), so divided by 0.3 to
+1.0."""
+
 
 @dataclass(frozen=True, eq=False)
 class PrintStep:
@@ -27,10 +33,13 @@ class PrintStep:
         In their order.
     batches
         How many these are: so many pauses it has.
+    parts
+        After each of so many parts of the struts the print settles.
     """
 
     struts: np.ndarray
     batches: int
+    parts: int = NEAR_PARTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +65,8 @@ def steps_of(batches: Sequence[np.ndarray]) -> list[PrintStep]:
     """The batches, those further on put together."""
     near, far = np.arange(min(NEAR_STEPS, len(batches))), np.arange(NEAR_STEPS, len(batches))
     groups = np.array_split(far, min(len(far), MOST_STEPS - NEAR_STEPS)) if len(far) else []
-    return [PrintStep(np.concatenate([batches[i] for i in group]), len(group)) for group in (*near[:, None], *groups)]
+    one_by_one = [PrintStep(batches[i], 1) for i in near]
+    return one_by_one + [PrintStep(np.concatenate([batches[i] for i in k]), len(k), FAR_PARTS) for k in groups]
 
 
 def resized_steps(
@@ -84,10 +94,10 @@ def resized_steps(
         step, bowed = waiting.pop(0), bows.copy()
         then = _after(fit, state, step, bowed)
         size = size_in(step, drift_between(state, then, edges[step.struts]))
-        resized = PrintStep(step.struts, -(-len(step.struts) // size))
+        resized = replace(step, batches=-(-len(step.struts) // size))
         if step.batches == 1 and resized.batches > 1:  # what is too much for it makes the next one
-            resized = PrintStep(step.struts[:size], 1)
-            waiting.insert(0, PrintStep(step.struts[size:], 1))
+            resized = replace(step, struts=step.struts[:size])
+            waiting.insert(0, replace(step, struts=step.struts[size:]))
         if resized.batches == step.batches and len(resized.struts) == len(step.struts):
             state, bows = then, bowed
         else:
@@ -122,4 +132,5 @@ def drift_between(before: PrintState, after: PrintState, ends: np.ndarray) -> np
 
 
 def _after(fit: MaterialFit, state: PrintState, step: PrintStep, bows: np.ndarray | None = None) -> PrintState:
-    return fit.model.after(state, step.struts, fit.parameters, pauses=step.batches, bows=bows)
+    parts = min(step.parts, len(step.struts))
+    return fit.model.after(state, step.struts, fit.parameters, parts=parts, pauses=step.batches, bows=bows)
