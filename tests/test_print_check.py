@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -186,6 +187,29 @@ def test_files_that_contradict_each_other_are_named(job: PrintJob) -> None:
     path.write_text(text.replace(move, move.replace("G1 X", "G1 X1"), 1))
     found = {fault.problem for fault in check_job(job).faults if fault.kind == "file"}
     assert found == {"its gcode file has other positions than another one"}
+
+
+@pytest.mark.parametrize(
+    ("format", "line", "other", "said"),
+    [
+        ("urscript", r"(?s).*", "", "holds no moves"),
+        ("urscript", r"(?s)\nend\n.*", "\n", "has no line 'end' in its place"),
+        ("urscript", r"end\n.*\n", "end\n", r"has no line 'NAME\(\)' in its place"),
+        ("urscript", r"  sleep", "  powerdown()\n  sleep", r"'powerdown\(\)' is not understood"),
+        ("urscript", r"out\(0, True\)", "out(5, True)", r"'set_standard_digital_out\(5, True\)' is not understood"),
+        ("urscript", r"a=0\.5", "a=50", "is not understood"),
+        ("rapid", r"ENDPROC\n", "", "has no line 'ENDPROC' in its place"),
+        ("rapid", r"ENDMODULE\n", "ENDMODULE\nENDMODULE\n", "has a line 'ENDMODULE' too many"),
+        ("krl", r"BAS\(#TOOL, 1\)\n", "", r"has no line 'BAS\(#TOOL, 1\)' in its place"),
+        ("gcode", r"M83\n", "", "does not set M83 before its first move"),
+        ("gcode", r"(?s)G0.*", "", "holds no moves"),
+    ],
+)
+def test_a_program_that_is_not_whole_is_refused(job: PrintJob, format: str, line: str, other: str, said: str) -> None:
+    path = waypoints(job).parent / waypoint_file(0, format)
+    path.write_text(re.sub(line, other, path.read_text(), count=1))
+    with pytest.raises(InputError, match=said):
+        check_job(job, 0)
 
 
 def test_an_order_that_cannot_be_printed_is_found(tmp_path: Path) -> None:
