@@ -182,11 +182,85 @@ def test_files_that_contradict_each_other_are_named(job: PrintJob) -> None:
     path = waypoints(job).parent / waypoint_file(0, "gcode")
     text = path.read_text()
     move = next(line for line in text.splitlines() if line.startswith("G1"))
-    path.write_text(text.replace(move, move.replace(" E", " E9"), 1))
-    assert check_job(job).fine  # more of it, but material all the same
     path.write_text(text.replace(move, move.replace("G1 X", "G1 X1"), 1))
     found = {fault.problem for fault in check_job(job).faults if fault.kind == "file"}
     assert found == {"its gcode file has other positions than another one"}
+
+
+@pytest.mark.parametrize(
+    ("format", "line", "other", "said"),
+    [
+        ("json", r'"dwell": \[0\.0', '"dwell": [7.0', "has other pauses than another one"),
+        ("gcode", r"G4 P2000", "G4 P0", "the tool waits 0 s at waypoint .* where 2 were asked for"),
+        (
+            "urscript",
+            r"r=0\.00\d*",
+            "r=0.040",
+            "its urscript file blends 40 mm at waypoint 3 where 0.[0-9]* are the most",
+        ),
+        (
+            "rapid",
+            r"fine(?=.*\n *SetDO ft_extruder, 0)",
+            "[FALSE,9.000,9.000,9.000,0.100,9.000,0.100]",
+            "its rapid file blends 9 mm",
+        ),
+        ("krl", r"CDIS = \d\.\d*", "CDIS = 60.000", "its krl file blends 60 mm"),
+        ("gcode", r" E(?=\d+\.)", " E1", "its gcode file pushes .* mm of filament where it takes"),
+    ],
+)
+def test_a_file_that_pauses_blends_or_pushes_otherwise_is_named(
+    job: PrintJob, format: str, line: str, other: str, said: str
+) -> None:
+    path = waypoints(job).parent / waypoint_file(0, format)
+    text = path.read_text()
+    path.write_text(re.sub(line, other, text, count=1))
+    assert path.read_text() != text
+    assert any(re.search(said, str(fault)) for fault in check_job(job, 0).faults)
+
+
+def test_a_strut_at_another_speed_than_asked_for_is_named(job: PrintJob) -> None:
+    """Well within what the robot may do, in every file, and still not what the print is made for."""
+    job = plan_job(job.folder.parent / "one", tower(), PlanOptions(batch_size=8, formats=("json",)))
+
+    def edit(data: dict[str, Any]) -> None:
+        first, last = printed_rows(data, 2)
+        data["speed"][first + 1 : last + 1] = [80.0] * (last - first)
+
+    change(job, edit)
+    (fault,) = check_job(job, 0).faults
+    assert fault.kind == "speed" and "it is laid at 80 mm/s where 5 were asked for" in str(fault)
+
+
+@pytest.mark.parametrize("fault", ["leave out", "go back", "begins on it", "ends on it"])
+def test_a_way_that_lays_half_a_strut_or_lays_it_twice_or_stays_is_named(tmp_path: Path, fault: str) -> None:
+    """A strut that ends in the air, whose end no joint tells."""
+    job = plan_job(tmp_path / "job", tower(), PlanOptions(batch_size=1, formats=("json",)))
+
+    def edit(data: dict[str, Any]) -> None:
+        first, last = printed_rows(data, 0)
+        rows = {
+            "leave out": slice(last - 4, last),
+            "begins on it": slice(0, first),
+            "ends on it": slice(last + 1, None),
+        }
+        if fault == "go back":
+            data["position"][last - 2] = data["position"][last - 8]
+            return
+        if fault == "leave out":
+            data["position"][last] = data["position"][last - 4]
+        for key in ("position", "rotation", "speed", "extrude", "dwell", "kind", "strut", "deviation", "radius"):
+            del data[key][rows[fault]]
+
+    change(job, edit)
+    said = [str(found) for found in check_job(job, 0).faults]
+    words = fault.replace("go back", "mm back over")
+    assert said and all(line.startswith("batch 0, strut ") for line in said) and any(words in line for line in said)
+
+
+def test_the_whole_plan_as_an_assembly_is_beside_the_waypoints(tmp_path: Path) -> None:
+    job = plan_job(tmp_path / "job", tower(), PlanOptions(batch_size=8, formats=("json", "assembly")))
+    (look,) = check_job(job, 0).looks
+    assert set(look.files) == {"batch_000.json", "batch_000_assembly.json"} == set(job.waypoint_summary(0)["files"])
 
 
 @pytest.mark.parametrize(
@@ -258,8 +332,8 @@ def test_every_fault_of_a_waypoint_names_the_strut_that_is_laid_there(job: Print
 
         data = waypoints(job).read_bytes()
         change(job, edit)
-        (fault,) = (fault for fault in check_job(job, 0).faults if fault.kind == "speed")
-        assert fault.strut == struts[place] and fault.waypoint is not None
+        faults = [fault for fault in check_job(job, 0).faults if fault.kind == "speed"]
+        assert {fault.strut for fault in faults} == {struts[place]} and faults[0].waypoint is not None
         waypoints(job).write_bytes(data)
 
 

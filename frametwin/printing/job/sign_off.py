@@ -97,7 +97,7 @@ def sign_off(job: PrintJob, check: JobCheck, order: bool = True) -> SignOff:
     told = [
         ("order", ("left out",), "every strut is laid once" if order else ""),
         ("material", ("in the air", "gap", "start", "end"), "every strut begins and ends where material is"),
-        ("path", ("path",), "every strut is laid along its plan"),
+        ("path", ("path",), "every strut is laid along its plan, as was asked for"),
         ("collisions", ("collision",), _air(looks)),
         ("plate", ("plate",), "the tool stays above the plate"),
         ("workspace", ("workspace",), _room(looks, workspace.lower, workspace.upper)),
