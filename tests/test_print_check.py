@@ -18,6 +18,7 @@ from small_frames import tower
 
 from frametwin.errors import Cancelled, InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.check import check_job
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
@@ -320,6 +321,18 @@ def test_a_strut_that_begins_where_no_material_is_is_named(job: PrintJob) -> Non
     change(job, edit)
     said = [str(fault) for fault in check_job(job).faults if fault.kind == "gap"]
     assert any(line.startswith(f"batch 0, strut {strut}: it begins ") for line in said)
+
+
+def test_a_frame_whose_feet_are_in_the_air_is_refused_and_thin_struts_on_the_plate_are_not(tmp_path: Path) -> None:
+    """A tower that hangs by its upper corners, and one leg that is thinner than most of its struts."""
+    frame = tower()
+    top = frame.vertices[:, 2] == frame.vertices[:, 2].max()
+    with pytest.raises(InputError, match=r"grounded: joints .*, said to stand on the plate, are up to .* mm above it"):
+        plan_job(tmp_path / "hanging", frame.replace(grounded=top))
+    assert not (tmp_path / "hanging").exists()
+    corners = [[0.0, 0.0, 0.0], [60.0, 0.0, 0.0], [60.0, 60.0, 0.0], [0.0, 60.0, 0.0], [30.0, 30.0, 50.0]]
+    pyramid = Wireframe.create(corners, [[k, 4] for k in range(4)], radius=[0.8, 2.0, 2.0, 2.0])
+    assert check_job(plan_job(tmp_path / "thin", pyramid)).fine
 
 
 def test_every_fault_of_a_waypoint_names_the_strut_that_is_laid_there(job: PrintJob) -> None:

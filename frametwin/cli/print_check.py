@@ -27,11 +27,12 @@ def check_command(job: Path, batch: int | None, out: Path | None, quiet: bool, a
     \b
     The order:      every strut is laid, begins on the plate or on something printed,
                     and is laid with the nozzle inside of nothing that stands by then.
-    The waypoints:  the files for the robot are read back, of every batch that has some. All formats say the
-                    same; the tip stays in the workspace, within speed and tilt (and, where a robot was named,
-                    within its reach); every strut of the batch is laid along its plan, at the speed
-                    and with the pauses, blends and material asked for, and meets its joints; at finely sampled poses, on the ways between struts too, the nozzle keeps clear of
-                    the print as it stands, of the strut's own beginning and of the plate.
+    The waypoints:  the files for the robot are read back, of every batch that has some. All formats say the same; the
+                    tip stays in the workspace, within speed and tilt (and, where a robot was named, within its
+                    reach); every strut of the batch is laid along its plan, at the speed and with the pauses, blends
+                    and material asked for, and meets its joints; at finely sampled poses, on the ways between struts
+                    too, the nozzle keeps clear of the print as it stands, of the strut's own beginning and of the
+                    plate.
 
     What runs into what is looked for twice, by different geometry. The end is a summary of one page: every check with
     its result, and how much is left to each limit.

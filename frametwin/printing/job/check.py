@@ -28,6 +28,7 @@ from frametwin.printing.sequencing.check import (
     begun_in_the_air,
     check_sequence,
     collision_fault,
+    on_plate,
     plate_fault,
     plate_height,
 )
@@ -47,10 +48,6 @@ SAMPLES = 257
 
 SECOND_STEP = 1.0
 """Distance in strut radii between poses of the second look."""
-
-
-ON_PLATE = 1.5
-"""A strut begins on the plate if the tip is no higher above it than this, in strut radii."""
 
 
 def check_job(job: PrintJob, batch: int | None = None, progress: ProgressCallback | None = None) -> JobCheck:
@@ -247,11 +244,11 @@ class _BatchCheck:
         for verb, joint, end in joints:
             wanted = end == 0 or np.isin(joint, frame.edges[numbers])
             tip = poses.tip[poses.laid == (0.0 if end == 0 else 1.0)][-1 if end == 0 else 0]
-            on_plate = tip[2] - plate_height(self.job.design) <= ON_PLATE * radius
             gap = float(there.gap_to(tip).min(initial=np.inf)) - radius
-            if wanted and not on_plate and gap > 0.0:
-                away = f"{gap:.3g} mm away from" if np.isfinite(gap) else "without"
-                yield Fault("gap", strut, f"it {verb} {away} anything that is printed")
+            if wanted and gap > 0.0 and not on_plate(self.job.design, tip[2], radius):
+                away = f"{gap:.3g} mm away from anything that is printed" if np.isfinite(gap) else "nothing is printed"
+                above = float(tip[2]) - plate_height(self.job.design)
+                yield Fault("gap", strut, f"it {verb} {above:.3g} mm above the plate, and {away}")
         if not len(numbers):
             return
         joined = there.joined_to(curves[place], radius, np.isin(frame.edges[numbers], frame.edges[strut]).any(axis=1))

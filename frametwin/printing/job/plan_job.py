@@ -23,6 +23,7 @@ from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.process.added_struts import frame_alone
 from frametwin.printing.process.coupon import with_coupon
 from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.check import require_feet_on_plate
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
@@ -203,6 +204,7 @@ def plan_job(
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
+    require_feet_on_plate(frame)
     known = known_material(material)
     ordering, design = options.order(frame), options.design(frame, known)
     settings = options.job(design, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
