@@ -8,6 +8,7 @@ import click
 
 from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option
 from frametwin.cli.display import Display
+from frametwin.wording import counted
 
 MOST_FAULTS = 20
 """That are told; --json tells all."""
@@ -72,11 +73,16 @@ def check_command(job: Path, batch: int | None, out: Path | None, quiet: bool, a
     if more > 0:
         click.echo(f"  - and {more} more; --json tells all")
     what = "the order and " if batch is None else ""
-    batches = f"batch {batch}" if len(found.batches) == 1 and batch is not None else f"{len(found.batches)} batches"
+    batches = (
+        f"batch {batch}" if len(found.batches) == 1 and batch is not None else counted(len(found.batches), "batch")
+    )
     looked_at = f"{what}the {found.waypoints} waypoints of {batches}, at {found.poses} poses of the tool"
     if found.fine:
         click.echo(f"All is well with {job}: {looked_at}.")
     else:
-        click.echo(f"{len(found.faults)} faults in {job}: {looked_at}.")
-    print_facts(f"print check: {page.design}, {page.struts} struts in {page.batches} batches", text_lines(page))
+        click.echo(f"{counted(len(found.faults), 'fault')} in {job}: {looked_at}.")
+    print_facts(
+        f"print check: {page.design}, {counted(page.struts, 'strut')} in {counted(page.batches, 'batch')}",
+        text_lines(page),
+    )
     return int(not found.fine)
