@@ -338,6 +338,27 @@ def test_a_frame_whose_feet_are_in_the_air_is_refused_and_thin_struts_on_the_pla
     assert check_job(plan_job(tmp_path / "thin", pyramid)).fine
 
 
+def test_a_strut_that_lies_in_another_one_is_refused(tmp_path: Path) -> None:
+    """A leg that is there twice, the other way round and between joints of its own."""
+    frame = tower()
+    a, b = frame.vertices[frame.edges[5]]
+    vertices, edges = (
+        [*frame.vertices, b + 0.01, a + 0.01],
+        [*frame.edges, [frame.vertex_count, frame.vertex_count + 1]],
+    )
+    twice = Wireframe.create(vertices, edges, radius=1.0)
+    with pytest.raises(
+        InputError, match=f"strut {frame.strut_count} lies in strut 5, between joints at the same places"
+    ):
+        plan_job(tmp_path / "job", twice)
+
+
+def test_a_tiny_print_is_sound_although_gcode_has_few_digits(tmp_path: Path) -> None:
+    frame = tower()
+    tiny = Wireframe.create(1e-2 * frame.vertices, frame.edges, radius=1e-2 * frame.radius, grounded=frame.grounded)
+    assert check_job(plan_job(tmp_path / "job", tiny, PlanOptions(batch_size=4)), 0).fine
+
+
 def test_every_fault_of_a_waypoint_names_the_strut_that_is_laid_there(job: PrintJob) -> None:
     struts = job.sequence.in_batch(0).struts.tolist()
     for place in (2, 5):

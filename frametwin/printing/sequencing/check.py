@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from frametwin.errors import InputError
 from frametwin.geometry import bezier
-from frametwin.geometry.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe, lowest_vertices
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.tool_collisions import POSE_STEP, SampledStruts, ToolPoses, collision_depths
@@ -197,6 +198,8 @@ def on_plate(design: Wireframe, height: ArrayLike, radius: ArrayLike) -> np.ndar
 def require_feet_on_plate(design: Wireframe) -> None:
     """Refuse a design with grounded joints that are in the air: what begins there has nothing to hold on to.
 
+    Joints that count as grounded where nothing is said are never refused.
+
     Raises
     ------
     InputError
@@ -204,7 +207,7 @@ def require_feet_on_plate(design: Wireframe) -> None:
     """
     radius = np.zeros(design.vertex_count)
     np.maximum.at(radius, design.edges, design.radius[:, None])
-    feet = design.grounded & (radius > 0.0)
+    feet = design.grounded & (radius > 0.0) & ~lowest_vertices(design.vertices, design.edges)
     high = np.flatnonzero(feet & ~on_plate(design, design.vertices[:, 2], radius))
     if len(high):
         above = float(design.vertices[high, 2].max()) - float(design.bounds[0, 2])
@@ -214,6 +217,26 @@ def require_feet_on_plate(design: Wireframe) -> None:
         )
         remedy = "mark only what stands on the plate, on which the lowest of the frame lies"
         raise InputError.at(design.name, "grounded", problem, remedy)
+
+
+def require_single_struts(design: Wireframe) -> None:
+    """Refuse a design with a strut that lies in another one, from joints at the same places: it cannot be laid twice.
+
+    Raises
+    ------
+    InputError
+        The sentence names both struts.
+    """
+    middle = bezier.evaluate(design.control_points, np.full(1, 0.5)).reshape(-1, 3)
+    pairs = cKDTree(middle).query_pairs(float(design.radius.max()), output_type="ndarray")
+    one, other = (design.vertices[design.edges[pairs[:, k]]] for k in (0, 1))  # (P, 2, 3)
+    ways = [np.linalg.norm(one - ends, axis=2).max(axis=1) for ends in (other, other[:, ::-1])]
+    away = np.maximum(np.minimum(*ways), np.linalg.norm(middle[pairs[:, 0]] - middle[pairs[:, 1]], axis=1))
+    within = np.flatnonzero(away < design.radius[pairs].min(axis=1))
+    if len(within):
+        first, second = min(pairs[within].tolist())
+        problem = f"strut {second} lies in strut {first}, between joints at the same places"
+        raise InputError.at(design.name, "edges", problem, "let them share their joints, and remove one of the two")
 
 
 def _poses_on_struts(places: np.ndarray, curves: np.ndarray, axes: np.ndarray, counts: np.ndarray) -> ToolPoses:

@@ -26,8 +26,8 @@ SAME_AXIS = 1e-5
 SAME_PAUSE = 2e-3
 """s by which formats may differ, which write milliseconds."""
 
-SAME_MATERIAL = 1e-3
-"""Share of a strut's material that may be missing or too much, as digits are."""
+SAME_MATERIAL, LAST_DIGIT = 1e-3, 1e-6
+"""Share of a strut's material that may be missing or too much, and mm of filament that each line may be off."""
 
 
 def limit_faults(
@@ -136,7 +136,7 @@ def laying_faults(
                 path.filament[first + 1 : last + 1].sum(),
                 (2.0 * size / FILAMENT) ** 2 * ways[first:last].sum(),
             )
-            if abs(pushed - takes) > SAME_MATERIAL * takes:
+            if abs(pushed - takes) > SAME_MATERIAL * takes + LAST_DIGIT * (last - first):
                 problem = f"its {format} file pushes {pushed:.4g} mm of filament where it takes {takes:.4g}"
                 yield Fault("path", strut, problem)
     n = int(np.argmax(path.blend - widest))
