@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from pathlib import Path
 
 
 def enumerated(items: Iterable[object]) -> str:
@@ -45,6 +46,18 @@ def having(struts: Iterable[int], most: int = 8) -> str:
     """Struts as a subject: "strut 3 has", "struts 3 and 4 have"."""
     words = listed(struts, most)
     return f"{words} {'has' if words.startswith('strut ') else 'have'}"
+
+
+def counted(count: int, noun: str) -> str:
+    """So many of something: "1 strut", "3 batches"."""
+    ending = "" if count == 1 else "es" if noun.endswith("ch") else "s"
+    return f"{count} {noun}{ending}"
+
+
+def typed(path: Path) -> str:
+    """A path as it is typed in a command: in quotation marks where it has blanks."""
+    text = str(path)
+    return f'"{text}"' if re.search(r"\s", text) else text
 
 
 def parsed_size(text: str) -> tuple[int, int] | None:

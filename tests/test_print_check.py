@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from small_frames import tower
 
 from frametwin.errors import Cancelled, InputError
 from frametwin.geometry import bezier
+from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.check import check_job
 from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.plan_job import PlanOptions, plan_job
@@ -181,11 +183,111 @@ def test_files_that_contradict_each_other_are_named(job: PrintJob) -> None:
     path = waypoints(job).parent / waypoint_file(0, "gcode")
     text = path.read_text()
     move = next(line for line in text.splitlines() if line.startswith("G1"))
-    path.write_text(text.replace(move, move.replace(" E", " E9"), 1))
-    assert check_job(job).fine  # more of it, but material all the same
     path.write_text(text.replace(move, move.replace("G1 X", "G1 X1"), 1))
     found = {fault.problem for fault in check_job(job).faults if fault.kind == "file"}
     assert found == {"its gcode file has other positions than another one"}
+
+
+@pytest.mark.parametrize(
+    ("format", "line", "other", "said"),
+    [
+        ("json", r'"dwell": \[0\.0', '"dwell": [7.0', "has other pauses than another one"),
+        ("gcode", r"G4 P2000", "G4 P0", "the tool waits 0 s at waypoint .* where 2 were asked for"),
+        (
+            "urscript",
+            r"r=0\.00\d*",
+            "r=0.040",
+            "its urscript file blends 40 mm at waypoint 3 where 0.[0-9]* are the most",
+        ),
+        (
+            "rapid",
+            r"fine(?=.*\n *SetDO ft_extruder, 0)",
+            "[FALSE,9.000,9.000,9.000,0.100,9.000,0.100]",
+            "its rapid file blends 9 mm",
+        ),
+        ("krl", r"CDIS = \d\.\d*", "CDIS = 60.000", "its krl file blends 60 mm"),
+        ("gcode", r" E(?=\d+\.)", " E1", "its gcode file pushes .* mm of filament where it takes"),
+    ],
+)
+def test_a_file_that_pauses_blends_or_pushes_otherwise_is_named(
+    job: PrintJob, format: str, line: str, other: str, said: str
+) -> None:
+    path = waypoints(job).parent / waypoint_file(0, format)
+    text = path.read_text()
+    path.write_text(re.sub(line, other, text, count=1))
+    assert path.read_text() != text
+    assert any(re.search(said, str(fault)) for fault in check_job(job, 0).faults)
+
+
+def test_a_strut_at_another_speed_than_asked_for_is_named(job: PrintJob) -> None:
+    """Well within what the robot may do, in every file, and still not what the print is made for."""
+    job = plan_job(job.folder.parent / "one", tower(), PlanOptions(batch_size=8, formats=("json",)))
+
+    def edit(data: dict[str, Any]) -> None:
+        first, last = printed_rows(data, 2)
+        data["speed"][first + 1 : last + 1] = [80.0] * (last - first)
+
+    change(job, edit)
+    (fault,) = check_job(job, 0).faults
+    assert fault.kind == "speed" and "it is laid at 80 mm/s where 5 were asked for" in str(fault)
+
+
+@pytest.mark.parametrize("fault", ["leave out", "go back", "begins on it", "ends on it"])
+def test_a_way_that_lays_half_a_strut_or_lays_it_twice_or_stays_is_named(tmp_path: Path, fault: str) -> None:
+    """A strut that ends in the air, whose end no joint tells."""
+    job = plan_job(tmp_path / "job", tower(), PlanOptions(batch_size=1, formats=("json",)))
+
+    def edit(data: dict[str, Any]) -> None:
+        first, last = printed_rows(data, 0)
+        rows = {
+            "leave out": slice(last - 4, last),
+            "begins on it": slice(0, first),
+            "ends on it": slice(last + 1, None),
+        }
+        if fault == "go back":
+            data["position"][last - 2] = data["position"][last - 8]
+            return
+        if fault == "leave out":
+            data["position"][last] = data["position"][last - 4]
+        for key in ("position", "rotation", "speed", "extrude", "dwell", "kind", "strut", "deviation", "radius"):
+            del data[key][rows[fault]]
+
+    change(job, edit)
+    said = [str(found) for found in check_job(job, 0).faults]
+    words = fault.replace("go back", "mm back over")
+    assert said and all(line.startswith("batch 0, strut ") for line in said) and any(words in line for line in said)
+
+
+def test_the_whole_plan_as_an_assembly_is_beside_the_waypoints(tmp_path: Path) -> None:
+    job = plan_job(tmp_path / "job", tower(), PlanOptions(batch_size=8, formats=("json", "assembly")))
+    found = check_job(job, 0)
+    (look,) = found.looks
+    (told,) = (line.told for line in sign_off(job, found).lines if line.name == "files")
+    assert "assembly" not in told  # which has no waypoints to compare
+    assert set(look.files) == {"batch_000.json", "batch_000_assembly.json"} == set(job.waypoint_summary(0)["files"])
+
+
+@pytest.mark.parametrize(
+    ("format", "line", "other", "said"),
+    [
+        ("urscript", r"(?s).*", "", "holds no moves"),
+        ("urscript", r"(?s)\nend\n.*", "\n", "has no line 'end' in its place"),
+        ("urscript", r"end\n.*\n", "end\n", r"has no line 'NAME\(\)' in its place"),
+        ("urscript", r"  sleep", "  powerdown()\n  sleep", r"'powerdown\(\)' is not understood"),
+        ("urscript", r"out\(0, True\)", "out(5, True)", r"'set_standard_digital_out\(5, True\)' is not understood"),
+        ("urscript", r"a=0\.5", "a=50", "is not understood"),
+        ("rapid", r"ENDPROC\n", "", "has no line 'ENDPROC' in its place"),
+        ("rapid", r"ENDMODULE\n", "ENDMODULE\nENDMODULE\n", "has a line 'ENDMODULE' too many"),
+        ("krl", r"BAS\(#TOOL, 1\)\n", "", r"has no line 'BAS\(#TOOL, 1\)' in its place"),
+        ("gcode", r"M83\n", "", "does not set M83 before its first move"),
+        ("gcode", r"(?s)G0.*", "", "holds no moves"),
+    ],
+)
+def test_a_program_that_is_not_whole_is_refused(job: PrintJob, format: str, line: str, other: str, said: str) -> None:
+    path = waypoints(job).parent / waypoint_file(0, format)
+    path.write_text(re.sub(line, other, path.read_text(), count=1))
+    with pytest.raises(InputError, match=said):
+        check_job(job, 0)
 
 
 def test_an_order_that_cannot_be_printed_is_found(tmp_path: Path) -> None:
@@ -224,6 +326,39 @@ def test_a_strut_that_begins_where_no_material_is_is_named(job: PrintJob) -> Non
     assert any(line.startswith(f"batch 0, strut {strut}: it begins ") for line in said)
 
 
+def test_a_frame_whose_feet_are_in_the_air_is_refused_and_thin_struts_on_the_plate_are_not(tmp_path: Path) -> None:
+    """A tower that hangs by its upper corners, and one leg that is thinner than most of its struts."""
+    frame = tower()
+    top = frame.vertices[:, 2] == frame.vertices[:, 2].max()
+    with pytest.raises(InputError, match=r"grounded: joints .*, said to stand on the plate, are up to .* mm above it"):
+        plan_job(tmp_path / "hanging", frame.replace(grounded=top))
+    assert not (tmp_path / "hanging").exists()
+    corners = [[0.0, 0.0, 0.0], [60.0, 0.0, 0.0], [60.0, 60.0, 0.0], [0.0, 60.0, 0.0], [30.0, 30.0, 50.0]]
+    pyramid = Wireframe.create(corners, [[k, 4] for k in range(4)], radius=[0.8, 2.0, 2.0, 2.0])
+    assert check_job(plan_job(tmp_path / "thin", pyramid)).fine
+
+
+def test_a_strut_that_lies_in_another_one_is_refused(tmp_path: Path) -> None:
+    """A leg that is there twice, the other way round and between joints of its own."""
+    frame = tower()
+    a, b = frame.vertices[frame.edges[5]]
+    vertices, edges = (
+        [*frame.vertices, b + 0.01, a + 0.01],
+        [*frame.edges, [frame.vertex_count, frame.vertex_count + 1]],
+    )
+    twice = Wireframe.create(vertices, edges, radius=1.0)
+    with pytest.raises(
+        InputError, match=f"strut {frame.strut_count} lies in strut 5, between joints at the same places"
+    ):
+        plan_job(tmp_path / "job", twice)
+
+
+def test_a_tiny_print_is_sound_although_gcode_has_few_digits(tmp_path: Path) -> None:
+    frame = tower()
+    tiny = Wireframe.create(1e-2 * frame.vertices, frame.edges, radius=1e-2 * frame.radius, grounded=frame.grounded)
+    assert check_job(plan_job(tmp_path / "job", tiny, PlanOptions(batch_size=4)), 0).fine
+
+
 def test_every_fault_of_a_waypoint_names_the_strut_that_is_laid_there(job: PrintJob) -> None:
     struts = job.sequence.in_batch(0).struts.tolist()
     for place in (2, 5):
@@ -234,8 +369,8 @@ def test_every_fault_of_a_waypoint_names_the_strut_that_is_laid_there(job: Print
 
         data = waypoints(job).read_bytes()
         change(job, edit)
-        (fault,) = (fault for fault in check_job(job, 0).faults if fault.kind == "speed")
-        assert fault.strut == struts[place] and fault.waypoint is not None
+        faults = [fault for fault in check_job(job, 0).faults if fault.kind == "speed"]
+        assert {fault.strut for fault in faults} == {struts[place]} and faults[0].waypoint is not None
         waypoints(job).write_bytes(data)
 
 
@@ -307,7 +442,7 @@ def test_the_page_tells_every_check_and_what_is_left_to_each_limit(job: PrintJob
     assert look.seconds == pytest.approx(summary["seconds"], rel=1e-3)
     where = path.position @ np.array(BASE)[:3, :3].T + np.array(BASE)[:3, 3]
     np.testing.assert_allclose(look.lower, where.min(axis=0))
-    assert "mm of air at least: batch 0, strut" in lines["collisions"].told and look.air > 0.0
+    assert "mm of air where it is least: batch 0, strut" in lines["collisions"].told and look.air > 0.0
     done("print", "check", job.folder, "--quiet", "--out", tmp_path / "check.html")
     text = (tmp_path / "check.html").read_text()
     assert text.count("<td>pass") == len(page.lines) and "Signature" in text and "http" not in text

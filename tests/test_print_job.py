@@ -453,6 +453,18 @@ def test_a_killed_answer_goes_on(
         again.answer(capture)
 
 
+def test_a_job_that_has_lost_the_report_of_an_earlier_batch_says_so(
+    job: PrintJob, real: LeaningPrint, tmp_path: Path
+) -> None:
+    capture = real.take(tmp_path / "000", print_batch(job, real))
+    job.answer(capture)
+    (job.batch_folder(0) / "report.json").unlink()
+    before = fingerprint(job.folder)
+    with pytest.raises(InputError, match=r"files of batch 1 and no report.json of batch 0; put it back"):
+        PrintJob(job.folder).answer(capture)
+    assert fingerprint(job.folder) == before
+
+
 def test_a_process_that_is_killed_leaves_a_job_that_goes_on(job: PrintJob, real: LeaningPrint, tmp_path: Path) -> None:
     capture = real.take(tmp_path / "000", print_batch(job, real))
     code = (

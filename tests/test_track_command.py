@@ -163,6 +163,26 @@ def test_the_newest_moment_is_taken_and_those_before_are_passed_over(tmp_path: P
         FolderStream(tmp_path / "none", ["a"])
 
 
+@pytest.mark.parametrize("moments", [["8", "9", "10", "11"], ["left0.5", "left0.75", "left1.25", "left10.0"]])
+def test_numbers_in_the_names_of_moments_count_as_numbers(tmp_path: Path, moments: list[str]) -> None:
+    """Whatever takes the pictures need not fill up with zeros: 10 is not before 9, and lost for good."""
+    stream, live = FolderStream(_folder(tmp_path / "all", moments), ["a", "b"], every=True), tmp_path / "live"
+    taken = [stream.next() for _ in moments]
+    assert [moment and moment.name for moment in taken] == moments and stream.next() is None
+    live.mkdir()
+    stream = FolderStream(live, ["a", "b"])
+    for name in moments:
+        _folder(live, [name])
+        moment = stream.next()
+        assert moment is not None and (moment.name, moment.passed_over) == (name, 0)
+
+
+def _folder(folder: Path, moments: list[str]) -> Path:
+    for name in moments:
+        drop(folder, name, ["a", "b"], [np.zeros((4, 4), np.uint8)] * 2)
+    return folder
+
+
 def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path) -> None:
     shots = tmp_path / "shots"
     drop(shots, "0", ["a", "b"], [np.full((40, 40), 200, np.uint8)] * 2)

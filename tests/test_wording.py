@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from frametwin.wording import duration_text, enumerated, having, listed, parsed_size, shortened, size_text
+from frametwin.wording import (
+    counted,
+    duration_text,
+    enumerated,
+    having,
+    listed,
+    parsed_size,
+    shortened,
+    size_text,
+    typed,
+)
 
 
 @pytest.mark.parametrize(
@@ -34,6 +46,12 @@ def test_struts_by_number() -> None:
     assert (listed(np.array([3, 4])), having(np.array([3, 4]))) == ("struts 3 and 4", "struts 3 and 4 have")
     assert listed(range(12)) == "struts 0, 1, 2, 3, 4, 5, 6, 7 and 4 others"
     assert having(range(4), most=2) == "struts 0, 1 and 2 others have"
+
+
+def test_things_are_counted_and_paths_can_be_typed() -> None:
+    assert [counted(n, "batch") for n in (0, 1, 2)] == ["0 batches", "1 batch", "2 batches"]
+    assert (counted(1, "strut"), counted(3, "strut")) == ("1 strut", "3 struts")
+    assert (typed(Path("out") / "job"), typed(Path("my job ö"))) == (str(Path("out") / "job"), '"my job ö"')
 
 
 def test_sizes_are_written_with_the_width_first() -> None:

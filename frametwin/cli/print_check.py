@@ -8,6 +8,7 @@ import click
 
 from frametwin.cli.common import FOLDER, json_option, print_facts, print_json, quiet_option
 from frametwin.cli.display import Display
+from frametwin.wording import counted
 
 MOST_FAULTS = 20
 """That are told; --json tells all."""
@@ -27,11 +28,12 @@ def check_command(job: Path, batch: int | None, out: Path | None, quiet: bool, a
     \b
     The order:      every strut is laid, begins on the plate or on something printed,
                     and is laid with the nozzle inside of nothing that stands by then.
-    The waypoints:  the files for the robot are read back, of every batch that has some. All formats say the
-                    same; the tip stays in the workspace, within speed and tilt (and, where a UR10e was asked
-                    for, within its reach); every strut of the batch is laid along its plan, and meets its
-                    joints; at finely sampled poses, on the ways between struts too, the nozzle keeps clear of
-                    the print as it stands, of the strut's own beginning and of the plate.
+    The waypoints:  the files for the robot are read back, of every batch that has some. All formats say the same; the
+                    tip stays in the workspace, within speed and tilt (and, where a robot was named, within its
+                    reach); every strut of the batch is laid along its plan, at the speed and with the pauses, blends
+                    and material asked for, and meets its joints; at finely sampled poses, on the ways between struts
+                    too, the nozzle keeps clear of the print as it stands, of the strut's own beginning and of the
+                    plate.
 
     What runs into what is looked for twice, by different geometry. The end is a summary of one page: every check with
     its result, and how much is left to each limit.
@@ -71,11 +73,16 @@ def check_command(job: Path, batch: int | None, out: Path | None, quiet: bool, a
     if more > 0:
         click.echo(f"  - and {more} more; --json tells all")
     what = "the order and " if batch is None else ""
-    batches = f"batch {batch}" if len(found.batches) == 1 and batch is not None else f"{len(found.batches)} batches"
+    batches = (
+        f"batch {batch}" if len(found.batches) == 1 and batch is not None else counted(len(found.batches), "batch")
+    )
     looked_at = f"{what}the {found.waypoints} waypoints of {batches}, at {found.poses} poses of the tool"
     if found.fine:
         click.echo(f"All is well with {job}: {looked_at}.")
     else:
-        click.echo(f"{len(found.faults)} faults in {job}: {looked_at}.")
-    print_facts(f"print check: {page.design}, {page.struts} struts in {page.batches} batches", text_lines(page))
+        click.echo(f"{counted(len(found.faults), 'fault')} in {job}: {looked_at}.")
+    print_facts(
+        f"print check: {page.design}, {counted(page.struts, 'strut')} in {counted(page.batches, 'batch')}",
+        text_lines(page),
+    )
     return int(not found.fine)

@@ -30,6 +30,7 @@ from frametwin.cli.print_common import (
     steering,
     supports_told,
 )
+from frametwin.wording import counted, duration_text, typed
 
 
 @click.command("plan", short_help="Plan the order of a frame and write a job with its first batch.")
@@ -122,10 +123,10 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
     if as_json:
         print_json({"out": out, **data, "outlook": None if told is None else told.as_dict()})
         return
-    reach, arm = data["first"]["reach"], job.settings.robot.arm
+    first, arm = data["first"], job.settings.robot.arm
     added = ((data["coupon"], "a coupon"), (data["support_struts"], "temporary supports"))
     others = " and ".join(f"{count} of them {what}" for count, what in added if count)
-    struts = f"{data['struts']} struts{others and f' ({others})'} in {data['batches']} batches"
+    struts = f"{counted(data['struts'], 'strut')}{others and f' ({others})'} in {counted(data['batches'], 'batch')}"
     supports = [("supports", supports_told(data["supported"], options.supports))] if data["supported"] else []
     low, high = (", ".join(f"{value:.0f}" for value in corner) for corner in data["workspace"])
     print_facts(
@@ -134,11 +135,14 @@ def plan_command(frame: str, out: Path, overwrite: bool, quiet: bool, as_json: b
             ("frame", f"{data['frame']}, {struts}"),
             *supports,
             ("workspace", f"from ({low}) to ({high}) mm in the robot's base, up to {data['max_speed']:g} mm/s"),
-            ("first batch", f"{data['first']['struts']} struts, {data['first']['seconds'] / 60.0:.0f} min of printing"),
-            *([] if arm is None else [("reach", f"a {ARMS[arm].name} takes all waypoints of it ({reach})")]),
-            *[("contact", sentence) for sentence in data["first"]["contacts"]],
+            (
+                "first batch",
+                f"{counted(data['first']['struts'], 'strut')}, {duration_text(data['first']['seconds'])} of printing",
+            ),
+            *([] if arm is None else [("reach", f"a {ARMS[arm].name} takes all waypoints of it ({first['reach']})")]),
+            *[("contact", sentence) for sentence in first["contacts"]],
             *([] if told is None else [("forecast", told.sentence)]),
             ("waypoints", f"{job.batch_folder(0) / 'waypoints'}"),
-            ("next", f"print them, take pictures, then: frametwin print next {out} --capture CAPTURE"),
+            ("next", f"print them, take pictures, then: frametwin print next {typed(out)} --capture CAPTURE"),
         ],
     )

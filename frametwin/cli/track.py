@@ -133,7 +133,8 @@ def _track(options: TrackOptions) -> None:
         told = enumerated(f"{count} {kind}" for kind, count in summary.events.items())
         facts = [("events", told), ("passed over", str(summary.passed_over))]
         facts.append(("a moment", f"{1e3 * summary.seconds:.0f} ms"))
-        print_facts(f"{summary.moments} moments followed, twin in {options.out}", facts)
+        twin = f"twin in {options.out}" if summary.moments else "so no twin was written"
+        print_facts(f"{summary.moments} moments followed, {twin}", facts)
 
 
 def _stream(options: TrackOptions, cameras: tuple[Camera, ...]) -> Stream:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +32,8 @@ class FolderStream:
     """Moments out of a folder, in the order of their names.
 
     Pictures of one moment carry its name and their cameras': ``0007/left.png``, ``left/0007.png``, ``left-0007.png`` or
-    ``0007-left.png``. A picture that is still growing is waited for.
+    ``0007-left.png``. Numbers in names count as numbers: 10 comes after 9. A picture that is still growing is waited
+    for.
 
     Parameters
     ----------
@@ -66,7 +69,7 @@ class FolderStream:
     def next(self) -> Moment | None:
         """The next moment that is complete, or that has waited long enough for its last pictures."""
         waiting = self._waiting()
-        names = sorted(waiting) if self._every else sorted(waiting, reverse=True)
+        names = sorted(waiting, key=_turn, reverse=not self._every)
         for name in names:
             files = waiting[name]
             late = time.monotonic() - self._first_seen.setdefault(name, time.monotonic()) > GRACE
@@ -79,7 +82,7 @@ class FolderStream:
                 if self._every:
                     return None
                 continue
-            return self._moment(name, pictures, files, passed_over=sum(other < name for other in waiting))
+            return self._moment(name, pictures, files, passed_over=sum(_turn(other) < _turn(name) for other in waiting))
         return None
 
     def close(self) -> None:
@@ -88,7 +91,7 @@ class FolderStream:
 
     def _moment(self, name: str, pictures: list[np.ndarray | None], files: dict[str, Path], passed_over: int) -> Moment:
         self._last, self._taken = name, self._taken + 1 + passed_over
-        self._first_seen = {other: since for other, since in self._first_seen.items() if other > name}
+        self._first_seen = {other: since for other, since in self._first_seen.items() if _turn(other) > _turn(name)}
         when = _latest(files.values()) if self._rate is None else (self._taken - 1) / self._rate
         return Moment(name, when, pictures, passed_over)
 
@@ -96,7 +99,7 @@ class FolderStream:
         """Files by moment and camera, of moments after the last."""
         found: dict[str, dict[str, Path]] = {}
         for moment, camera, path in self._files():
-            if moment > self._last:
+            if _turn(moment) > _turn(self._last):
                 found.setdefault(moment, {})[camera] = path
         return found
 
@@ -106,7 +109,7 @@ class FolderStream:
                 yield from self._named(item)
             elif item.name in self.names:
                 yield from ((path.stem, item.name, path) for path in _listed(item) if _is_picture(path))
-            elif item.name > self._last and item.name not in NO_MOMENTS and item.is_dir():
+            elif _turn(item.name) > _turn(self._last) and item.name not in NO_MOMENTS and item.is_dir():
                 pictures = (path for path in _listed(item) if _is_picture(path) and path.stem in self.names)
                 yield from ((item.name, path.stem, path) for path in pictures)
 
@@ -129,6 +132,12 @@ class FolderStream:
             return eight_bits(decoded(read_image_bytes(path), path))
         except InputError:
             return None
+
+
+def _turn(moment: str) -> tuple[tuple[str | Decimal, ...], str]:
+    """What moments are put in order by: their names, in which numbers, whole or with decimals, count as numbers."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", moment)  # texts and numbers by turns
+    return tuple(Decimal(part) if place % 2 else part for place, part in enumerate(parts)), moment
 
 
 def _is_picture(path: Path) -> bool:

@@ -28,12 +28,13 @@ from frametwin.printing.sequencing.check import (
     begun_in_the_air,
     check_sequence,
     collision_fault,
+    on_plate,
     plate_fault,
     plate_height,
 )
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.tool_collisions import POSE_STEP, SampledStruts, ToolPoses, collision_depths
-from frametwin.printing.toolpath.path_check import agreement_faults, limit_faults
+from frametwin.printing.toolpath.path_check import agreement_faults, laying_faults, limit_faults
 from frametwin.printing.toolpath.robot_files import waypoint_file
 from frametwin.printing.toolpath.tool_path import ToolPath, read_tool_path
 from frametwin.printing.toolpath.ur_arms import ARMS
@@ -49,16 +50,13 @@ SECOND_STEP = 1.0
 """Distance in strut radii between poses of the second look."""
 
 
-ON_PLATE = 1.5
-"""A strut begins on the plate if the tip is no higher above it than this, in strut radii."""
-
-
 def check_job(job: PrintJob, batch: int | None = None, progress: ProgressCallback | None = None) -> JobCheck:
     """Check a job: the order of its design, and the waypoints of every batch that has some.
 
     What is found, by kind: ``"in the air"``, ``"left out"``, ``"collision"`` and ``"plate"`` of the order and of
     waypoints; ``"workspace"``, ``"speed"``, ``"tilt"``, ``"reach"``, ``"start"`` and ``"end"`` (beside the joint),
-    ``"gap"`` (a strut begins, or ends at a joint, where no material is), ``"path"`` (beside the plan of the strut)
+    ``"gap"`` (a strut begins, or ends at a joint, where no material is), ``"path"`` (beside the plan of the
+    strut, not all of it, or with other pauses, blends or material than asked for)
     and ``"file"`` (other struts than those of the batch, or files that
     contradict each other) of waypoints alone.
 
@@ -108,8 +106,7 @@ class _BatchCheck:
     nozzle: Nozzle
     sequence: PrintSequence
     ahead: Anticipation
-    path: ToolPath
-    others: dict[str, ToolPath]
+    paths: dict[str, ToolPath]
     hashes: dict[str, str]
     pose_count: int = 0
     nearest: tuple[float, int, int] = (float("inf"), -1, -1)
@@ -127,26 +124,30 @@ class _BatchCheck:
             problem, remedy = "holds no waypoints", "plan the job with another format than assembly"
             raise InputError.at(folder, "formats", problem, remedy)
         ahead, sequence = job.anticipation(batch), job.sequence_at(batch)
-        first = next(iter(paths))
-        path = paths.pop(first)
-        hashes = {
-            name: file_hash(folder / name)
-            for name in (waypoint_file(batch, key) for key in robot.formats)
-            if (folder / name).is_file()
-        }
-        return cls(job, batch, nozzle.long_enough(ahead.plan), sequence, ahead, path, paths, hashes)
+        names = [waypoint_file(batch, format) for format in robot.formats]
+        hashes = {name: file_hash(folder / name) for name in names if (folder / name).is_file()}
+        return cls(job, batch, nozzle.long_enough(ahead.plan), sequence, ahead, paths, hashes)
+
+    @property
+    def path(self) -> ToolPath:
+        """Of the first file, with which the others are compared."""
+        return next(iter(self.paths.values()))
 
     def faults(self, progress: ProgressCallback | None, total: int) -> list[Fault]:
         robot, path = self.job.settings.robot, self.path
         arm = None if robot.arm is None else ARMS[robot.arm]
-        found = [*self._in_the_air(), *agreement_faults(path, self.others)]
-        for each in (path, *self.others.values()):
+        found = [*self._in_the_air(), *agreement_faults(path, dict(list(self.paths.items())[1:]))]
+        for each in self.paths.values():
             limits = limit_faults(each, robot.workspace, robot.waypoints.max_tilt_deg, arm, robot.tool)
             found += [fault for fault in limits if fault not in found]
         runs, struts = path.strut_runs(), self.ahead.laying.struts
         if len(runs) != len(struts):
             problem = f"its waypoints lay {len(runs)} struts where the batch has {len(struts)}"
             return [replace(fault, batch=self.batch) for fault in (*found, Fault("file", None, problem))]
+        for format, each in self.paths.items():
+            if len(each.strut_runs()) == len(struts):
+                laid = laying_faults(each, format, struts, self.ahead.plan.radius[struts], robot.waypoints)
+                found += [fault for fault in laid if fault not in found]
         found = [self._at_strut(fault, runs, struts) for fault in found]
         for place, strut in enumerate(struts.tolist()):
             report(progress, Progress("checking waypoints", self.batch, total))
@@ -208,9 +209,10 @@ class _BatchCheck:
         away = float(np.linalg.norm(path.position[last] - frame.vertices[end]))
         if there[end] and away > BESIDE * radius:
             yield Fault("end", strut, f"it ends {away:.3g} mm beside a joint that is there already")
-        away = _furthest(path.position[first : last + 1], curves[place])
-        if away > BESIDE * radius:
-            yield Fault("path", strut, f"its waypoints lie up to {away:.3g} mm beside its plan")
+        if first == 0 or last == len(path.position) - 1:
+            where = "begins" if first == 0 else "ends"
+            yield Fault("path", strut, f"the way of the tool {where} on it, and not beside and above the print")
+        yield from _beside_plan(strut, path.position[first : last + 1], curves[place], BESIDE * radius)
         standing = np.flatnonzero(ahead.plan.printed)
         order = np.concatenate([standing, laying.struts])
         struts = SampledStruts.build(
@@ -242,11 +244,11 @@ class _BatchCheck:
         for verb, joint, end in joints:
             wanted = end == 0 or np.isin(joint, frame.edges[numbers])
             tip = poses.tip[poses.laid == (0.0 if end == 0 else 1.0)][-1 if end == 0 else 0]
-            on_plate = tip[2] - plate_height(self.job.design) <= ON_PLATE * radius
             gap = float(there.gap_to(tip).min(initial=np.inf)) - radius
-            if wanted and not on_plate and gap > 0.0:
-                away = f"{gap:.3g} mm away from" if np.isfinite(gap) else "without"
-                yield Fault("gap", strut, f"it {verb} {away} anything that is printed")
+            if wanted and gap > 0.0 and not on_plate(self.job.design, tip[2], radius):
+                away = f"{gap:.3g} mm away from anything that is printed" if np.isfinite(gap) else "nothing is printed"
+                above = float(tip[2]) - plate_height(self.job.design)
+                yield Fault("gap", strut, f"it {verb} {above:.3g} mm above the plate, and {away}")
         if not len(numbers):
             return
         joined = there.joined_to(curves[place], radius, np.isin(frame.edges[numbers], frame.edges[strut]).any(axis=1))
@@ -279,7 +281,26 @@ def _highest(height: np.ndarray, first: int, last: int) -> int:
     return first + int(np.argmax(height[first : last + 1]))
 
 
-def _furthest(points: np.ndarray, curve: np.ndarray) -> float:
-    """The largest distance in mm of points (N, 3) from a curve (4, 3); too small by at most half a sample."""
+def _beside_plan(strut: int, points: np.ndarray, curve: np.ndarray, most: float) -> Iterator[Fault]:
+    """Find out whether waypoints (N, 3) follow a curve (4, 3), all of it, and in its sense, to ``most`` mm."""
     samples = bezier.evaluate(curve, np.linspace(0.0, 1.0, SAMPLES))
-    return float(np.linalg.norm(points[:, None] - samples, axis=2).min(axis=1).max())
+    away = np.linalg.norm(points[:, None] - samples, axis=2)
+    if away.min(axis=1).max() > most:
+        yield Fault("path", strut, f"its waypoints lie up to {away.min(axis=1).max():.3g} mm beside its plan")
+        return
+    left_out = _from_polyline(samples, points).max()
+    if left_out > most:
+        yield Fault("path", strut, f"its waypoints leave out {left_out:.3g} mm of its plan")
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(samples, axis=0), axis=1))])[away.argmin(axis=1)]
+    back = float((np.maximum.accumulate(along) - along).max())
+    if back > most:
+        yield Fault("path", strut, f"its waypoints go {back:.3g} mm back over what they have laid")
+
+
+def _from_polyline(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(N,) array, mm: distances of points (N, 3) from the straight ways between corners (M, 3)."""
+    start, way = corners[:-1], np.diff(corners, axis=0)
+    from_start = points[:, None] - start
+    share = (from_start * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), 1e-12)
+    nearest: np.ndarray = np.linalg.norm(from_start - np.clip(share, 0.0, 1.0)[..., None] * way, axis=2).min(axis=1)
+    return nearest

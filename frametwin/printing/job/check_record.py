@@ -32,7 +32,8 @@ class BatchLook:
     lower, upper : tuple of float, mm
         Where the tip goes, in the robot's base.
     air : float, mm
-        Least air between tool and print; infinite where nothing stands.
+        Least air between tool and print, to about a thirtieth of the tool's radius there, as balls fill it; infinite
+        where nothing stands.
     nearest : tuple of int
         The strut that is laid there, and the one that the tool comes so near to; empty where nothing stands.
     """

@@ -395,6 +395,9 @@ class PrintJob:
         for rest in (self.folder / files.BATCHES).glob(".*.part"):
             shutil.rmtree(rest)
         batch = self.current
+        if batch is not None and self.batch_folder(batch + 1).exists():  # no process leaves it like that
+            problem = f"has files of batch {batch + 1} and no {files.REPORT} of batch {batch}"
+            raise InputError.at(self.folder, "batches", problem, "put it back, or take the later batches away")
         if batch is None or self.batch_folder(batch).is_dir():
             return
         stage = self._stage(batch)

@@ -13,7 +13,7 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.material_file import for_next_print, read_usual
+from frametwin.printing.adaptation.material_file import USUAL_SPEED, at_speed, known_for_print
 from frametwin.printing.adaptation.material_fit import GUESS, MaterialEstimate
 from frametwin.printing.adaptation.printability import Outlook, first_fall, outlook
 from frametwin.printing.job.creep_forecast import UNTRUSTED_SIZE, CreepForecast
@@ -23,6 +23,7 @@ from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.process.added_struts import frame_alone
 from frametwin.printing.process.coupon import with_coupon
 from frametwin.printing.records.sequence import PrintSequence
+from frametwin.printing.sequencing.check import require_feet_on_plate, require_single_struts
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
@@ -203,7 +204,9 @@ def plan_job(
     """
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
-    known = known_material(material)
+    require_single_struts(frame)
+    require_feet_on_plate(frame)
+    known = None if material is None else known_for_print(material, WaypointSettings(**options.waypoints).speed)
     ordering, design = options.order(frame), options.design(frame, known)
     settings = options.job(design, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
     given = order_of_frame(frame) if order is None else read_given_order(order, frame)
@@ -222,17 +225,6 @@ def plan_job(
         require_standing(*frame_alone(design, sequence, options.coupon), known, settings.compensate)
     report(progress, Progress("writing", 0, 1))
     return PrintJob.create(folder, design, sequence, settings, notes, overwrite, known)
-
-
-def known_material(path: PathLike | None) -> MaterialEstimate | None:
-    """What earlier prints have told of the next one's material, by a job or a file; ``None`` where there is none.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it is damaged.
-    """
-    return None if path is None else for_next_print(read_usual(path))
 
 
 def require_room(design: Wireframe, coupon: np.ndarray, workspace: Workspace) -> None:
@@ -281,7 +273,8 @@ def guessed_outlook(job: PrintJob, progress: ProgressCallback | None = None) -> 
     report(progress, Progress("computing the print", 0, 1))
     frame, sequence = frame_alone(job.design, job.sequence, job.settings.coupon)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
-    return outlook(CreepForecast.start(frame).fit, frame, batches)
+    guess = at_speed(GUESS, USUAL_SPEED, job.settings.robot.waypoints.speed)
+    return outlook(CreepForecast.start(frame, guess).fit, frame, batches)
 
 
 def plan_order(

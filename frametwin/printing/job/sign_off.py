@@ -94,17 +94,18 @@ def sign_off(job: PrintJob, check: JobCheck, order: bool = True) -> SignOff:
     fastest = max((look.fastest for look in looks), default=0.0)
     tilt = max((look.tilt_deg for look in looks), default=0.0)
     arm = "no robot was named" if robot.arm is None else f"all of it within reach of the {robot.arm}"
+    compared = [name for name in robot.formats if name != "assembly"]  # the whole plan and no waypoints
     told = [
         ("order", ("left out",), "every strut is laid once" if order else ""),
         ("material", ("in the air", "gap", "start", "end"), "every strut begins and ends where material is"),
-        ("path", ("path",), "every strut is laid along its plan"),
+        ("path", ("path",), "every strut is laid along its plan, as was asked for"),
         ("collisions", ("collision",), _air(looks)),
         ("plate", ("plate",), "the tool stays above the plate"),
         ("workspace", ("workspace",), _room(looks, workspace.lower, workspace.upper)),
         ("speed", ("speed",), f"{fastest:.3g} mm/s at most, {workspace.max_speed:.3g} allowed"),
         ("tilt", ("tilt",), f"{tilt:.3g} degrees at most, {allowed:.3g} allowed"),
         ("reach", ("reach",), arm),
-        ("files", ("file",), f"{', '.join(robot.formats)} say the same and lay the batch"),
+        ("files", ("file",), f"{', '.join(compared)} say the same and lay the batch"),
     ]
     asked = {"order": order, "reach": robot.arm is not None}
     lines = tuple(_line(check, name, kinds, words, asked.get(name, True)) for name, kinds, words in told)
@@ -125,7 +126,7 @@ def _air(looks: Sequence[BatchLook]) -> str:
         return "nothing stands that could be run into"
     look = min(near, key=lambda look: look.air)
     strut, other = look.nearest
-    return f"{look.air:.3g} mm of air at least: batch {look.batch}, strut {strut} beside strut {other}"
+    return f"about {look.air:.2g} mm of air where it is least: batch {look.batch}, strut {strut} beside strut {other}"
 
 
 def _room(looks: Sequence[BatchLook], lower: np.ndarray, upper: np.ndarray) -> str:
@@ -135,4 +136,7 @@ def _room(looks: Sequence[BatchLook], lower: np.ndarray, upper: np.ndarray) -> s
     high = np.max([look.upper for look in looks], axis=0)
     axes = zip("xyz", low.tolist(), high.tolist(), strict=True)
     room = float(np.minimum(low - lower, upper - high).min())
-    return ", ".join(f"{axis} {a:.0f} to {b:.0f}" for axis, a, b in axes) + f" mm; {room:.3g} mm to the nearest limit"
+    return (
+        ", ".join(f"{axis} {round(a)} to {round(b)}" for axis, a, b in axes)
+        + f" mm; {room:.3g} mm to the nearest limit"
+    )

@@ -6,6 +6,7 @@ from typing import Any
 
 from frametwin.printing.job.job import BatchState, PrintJob
 from frametwin.printing.process.supports import columns_of
+from frametwin.wording import typed
 
 
 def plan_summary(job: PrintJob) -> dict[str, Any]:
@@ -77,6 +78,5 @@ def what_next(job: PrintJob) -> str:
     if batch is None:
         return "The print is finished."
     waypoints = job.batch_folder(batch) / "waypoints"
-    return (
-        f"Print batch {batch} ({waypoints}), take pictures, then: frametwin print next {job.folder} --capture CAPTURE"
-    )
+    command = f"frametwin print next {typed(job.folder)} --capture CAPTURE"
+    return f"Print batch {batch} ({waypoints}), take pictures, then: {command}"

@@ -9,17 +9,23 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
+from frametwin.errors import InputError
 from frametwin.geometry import bezier
-from frametwin.geometry.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe, lowest_vertices
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.tool_collisions import POSE_STEP, SampledStruts, ToolPoses, collision_depths
 from frametwin.progress import Progress, ProgressCallback, report
-from frametwin.wording import listed
+from frametwin.wording import listed, shortened
 
 LEAST_DEPTH = 1e-6
 """Depth up to which the nozzle does not count as touching anything, in strut radii; in the plate, of the extent."""
+
+ON_PLATE = 1.5
+"""What begins on the plate begins no higher above it than this, in radii of its strut, or of most struts."""
 
 BLOCK = 64
 """Struts between two reports of progress."""
@@ -180,6 +186,57 @@ def collision_fault(
 def plate_height(design: Wireframe) -> float:
     """Height of the plate in mm: what lies lowest rests on it with its radius."""
     return float(design.bounds[0, 2]) - float(np.median(design.radius))
+
+
+def on_plate(design: Wireframe, height: ArrayLike, radius: ArrayLike) -> np.ndarray:
+    """Tell whether struts of a radius (N,) that begin at a height (N,), both in mm, begin on the plate: (N,) bool."""
+    usual = float(np.median(design.radius))
+    result: np.ndarray = np.asarray(height) - plate_height(design) <= ON_PLATE * np.maximum(radius, usual)
+    return result
+
+
+def require_feet_on_plate(design: Wireframe) -> None:
+    """Refuse a design with grounded joints that are in the air: what begins there has nothing to hold on to.
+
+    Joints that count as grounded where nothing is said are never refused.
+
+    Raises
+    ------
+    InputError
+        The sentence names the joints and the height of the highest.
+    """
+    radius = np.zeros(design.vertex_count)
+    np.maximum.at(radius, design.edges, design.radius[:, None])
+    feet = design.grounded & (radius > 0.0) & ~lowest_vertices(design.vertices, design.edges)
+    high = np.flatnonzero(feet & ~on_plate(design, design.vertices[:, 2], radius))
+    if len(high):
+        above = float(design.vertices[high, 2].max()) - float(design.bounds[0, 2])
+        joints = f"{'joint' if len(high) == 1 else 'joints'} {shortened(high.tolist(), 8)}"
+        problem = (
+            f"{joints}, said to stand on the plate, {'is' if len(high) == 1 else 'are'} up to {above:.3g} mm above it"
+        )
+        remedy = "mark only what stands on the plate, on which the lowest of the frame lies"
+        raise InputError.at(design.name, "grounded", problem, remedy)
+
+
+def require_single_struts(design: Wireframe) -> None:
+    """Refuse a design with a strut that lies in another one, from joints at the same places: it cannot be laid twice.
+
+    Raises
+    ------
+    InputError
+        The sentence names both struts.
+    """
+    middle = bezier.evaluate(design.control_points, np.full(1, 0.5)).reshape(-1, 3)
+    pairs = cKDTree(middle).query_pairs(float(design.radius.max()), output_type="ndarray")
+    one, other = (design.vertices[design.edges[pairs[:, k]]] for k in (0, 1))  # (P, 2, 3)
+    ways = [np.linalg.norm(one - ends, axis=2).max(axis=1) for ends in (other, other[:, ::-1])]
+    away = np.maximum(np.minimum(*ways), np.linalg.norm(middle[pairs[:, 0]] - middle[pairs[:, 1]], axis=1))
+    within = np.flatnonzero(away < design.radius[pairs].min(axis=1))
+    if len(within):
+        first, second = min(pairs[within].tolist())
+        problem = f"strut {second} lies in strut {first}, between joints at the same places"
+        raise InputError.at(design.name, "edges", problem, "let them share their joints, and remove one of the two")
 
 
 def _poses_on_struts(places: np.ndarray, curves: np.ndarray, axes: np.ndarray, counts: np.ndarray) -> ToolPoses:

@@ -7,9 +7,12 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from frametwin.printing.sequencing.check import Fault
+from frametwin.printing.toolpath.exports.gcode import FILAMENT
+from frametwin.printing.toolpath.exports.robot_program import BLEND
 from frametwin.printing.toolpath.reach import within_reach
 from frametwin.printing.toolpath.tool_path import ToolPath
 from frametwin.printing.toolpath.ur_arms import Arm
+from frametwin.printing.toolpath.waypoints import WaypointSettings
 from frametwin.printing.toolpath.workspace import Workspace
 
 ROUNDING = 1e-5
@@ -19,6 +22,12 @@ SAME_SPEED = 0.01
 """mm/s by which formats may differ, which round down."""
 
 SAME_AXIS = 1e-5
+
+SAME_PAUSE = 2e-3
+"""s by which formats may differ, which write milliseconds."""
+
+SAME_MATERIAL, LAST_DIGIT = 1e-3, 1e-6
+"""Share of a strut's material that may be missing or too much, and mm of filament that each line may be off."""
 
 
 def limit_faults(
@@ -84,7 +93,53 @@ def agreement_faults(path: ToolPath, others: Mapping[str, ToolPath]) -> Iterator
             "axes": np.abs(other.axis - path.axis).max() > SAME_AXIS,
             "speeds": np.abs(other.speed - path.speed).max() > SAME_SPEED,
             "extrusion": not np.array_equal(other.extrude, path.extrude),
+            "pauses": np.abs(other.dwell - path.dwell).max() > SAME_PAUSE,
         }
         wrong = [name for name, differs in differences.items() if differs]
         if wrong:
             yield Fault("file", None, f"its {format} file has other {' and '.join(wrong)} than another one")
+
+
+def laying_faults(
+    path: ToolPath, format: str, struts: np.ndarray, radius: np.ndarray, wanted: WaypointSettings
+) -> Iterator[Fault]:
+    """Find struts that a file lays otherwise than was asked for: faster, slower, with other pauses, blends or material.
+
+    Parameters
+    ----------
+    path, format
+        Of the tool, by the file of that format.
+    struts : (N,) int64 array
+        That it lays, one for each stretch along which material flows.
+    radius : (N,) array, mm
+        Of them.
+    wanted
+        What was asked for.
+    """
+    ways = np.linalg.norm(np.diff(path.position, axis=0), axis=1)
+    widest = np.zeros(len(path.position))
+    for strut, size, (first, last) in zip(struts.tolist(), radius.tolist(), path.strut_runs(), strict=True):
+        inner = slice(first + 1, last)
+        widest[inner] = BLEND * np.minimum(ways[first : last - 1], ways[first + 1 : last])
+        speeds = path.speed[first + 1 : last + 1]
+        worst = float(speeds[np.argmax(np.abs(speeds - wanted.speed))])
+        if abs(worst - wanted.speed) > SAME_SPEED:
+            yield Fault("speed", strut, f"it is laid at {worst:.3g} mm/s where {wanted.speed:g} were asked for")
+        pauses = np.zeros(last + 1 - first)
+        pauses[0], pauses[-1] = wanted.start_dwell, wanted.end_dwell
+        n = int(np.argmax(np.abs(path.dwell[first : last + 1] - pauses)))
+        if abs(path.dwell[first + n] - pauses[n]) > SAME_PAUSE:
+            waits = f"waits {path.dwell[first + n]:.3g} s at waypoint {first + n}"
+            yield Fault("path", strut, f"the tool {waits} where {pauses[n]:g} were asked for")
+        if path.filament is not None:
+            pushed, takes = (
+                path.filament[first + 1 : last + 1].sum(),
+                (2.0 * size / FILAMENT) ** 2 * ways[first:last].sum(),
+            )
+            if abs(pushed - takes) > SAME_MATERIAL * takes + LAST_DIGIT * (last - first):
+                problem = f"its {format} file pushes {pushed:.4g} mm of filament where it takes {takes:.4g}"
+                yield Fault("path", strut, problem)
+    n = int(np.argmax(path.blend - widest))
+    if path.blend[n] > widest[n] + ROUNDING:
+        problem = f"its {format} file blends {path.blend[n]:.3g} mm at waypoint {n} where {widest[n]:.3g} are the most"
+        yield Fault("path", None, problem, waypoint=n)

@@ -121,14 +121,14 @@ class RobotSettings:
 
 
 def waypoint_file(batch: int, format: str) -> str:
-    """The name of a batch's file in one of the formats with waypoints.
+    """The name of a batch's file in one of `FORMATS`.
 
     That of a program for ABB or KUKA is the program's own, and short enough for the oldest controllers (8.3).
     """
     if format in ("rapid", "krl"):
         return f"ft_{batch:03d}{SUFFIXES[format]}"
-    kind = "_compas" if format == "compas" else ""
-    return f"batch_{batch:03d}{kind}{SUFFIXES[format]}"
+    kind = f"_{format}" if format in ("compas", "assembly") else ""
+    return f"batch_{batch:03d}{kind}{SUFFIXES.get(format, '.json')}"
 
 
 def write_robot_files(
@@ -178,11 +178,10 @@ def write_robot_files(
         reach = check_reach(waypoints, settings.workspace, ARMS[settings.arm], settings.tool)
     names = []
     for name in settings.formats:
+        path = folder / waypoint_file(batch, name)
         if name == "assembly":
-            path = folder / f"batch_{batch:03d}_assembly.json"
             write_assembly(path, plan, sequence)
         else:
-            path = folder / waypoint_file(batch, name)
             write_waypoints(path, waypoints, name, settings.workspace)
         names.append(path.name)
     summary = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,12 +36,21 @@ class ToolPath:
         On the way to each waypoint.
     extrude : (N,) bool array
         Material flows on the way from each waypoint to the next.
+    dwell : (N,) array, s
+        Pause at each waypoint.
+    blend : (N,) array, mm
+        Within so much of the waypoint the tip may cut the corner; 0 where it stops, or the file knows no blends.
+    filament : (N,) array, mm, or None
+        That is pushed on the way to each waypoint, by a file that says so (G-code).
     """
 
     position: np.ndarray
     rotation: np.ndarray
     speed: np.ndarray
     extrude: np.ndarray
+    dwell: np.ndarray
+    blend: np.ndarray
+    filament: np.ndarray | None = None
 
     @property
     def axis(self) -> np.ndarray:
@@ -106,26 +115,23 @@ def read_tool_path(path: Path, format: str, workspace: Workspace) -> ToolPath:
     """
     if format == "json":
         points = read_waypoints(path)
-        return ToolPath(points.position, points.rotation, points.speed, points.extrude)
+        stops = np.zeros(len(points))
+        return ToolPath(points.position, points.rotation, points.speed, points.extrude, points.dwell, stops)
     if format in _PROGRAMS:
         program = _PROGRAMS[format](path)
         turns = Rotation.from_rotvec(program.rotation_vector).as_matrix()
-        return _from_base(program.position, turns, program.speed, program.extrude, workspace)
-    if format == "gcode":
+        moved = ToolPath(program.position, turns, program.speed, program.extrude, program.dwell, program.blend)
+    elif format == "gcode":
         moves = read_gcode(path)
-        flows = np.append(moves.extrusion[1:] > 0.0, False)
-        return _from_base(moves.position, _smallest_turns(-moves.axis), moves.speed, flows, workspace)
-    position, turns = read_compas_frames(path)
-    speed, extrude = read_compas_moves(path)
-    return _from_base(1000.0 * position, turns, 1000.0 * speed, extrude, workspace)
-
-
-def _from_base(
-    position: np.ndarray, rotation: np.ndarray, speed: np.ndarray, extrude: np.ndarray, workspace: Workspace
-) -> ToolPath:
-    """From the coordinates of the robot's base to those of the print."""
-    turn, shift = workspace.base[:3, :3], workspace.base[:3, 3]
-    return ToolPath((position - shift) @ turn, turn.T @ rotation, speed, extrude)
+        flows, stops = np.append(moves.extrusion[1:] > 0.0, False), np.zeros(len(moves.position))
+        turns = _smallest_turns(-moves.axis)
+        moved = ToolPath(moves.position, turns, moves.speed, flows, moves.dwell, stops, moves.extrusion)
+    else:
+        position, turns = read_compas_frames(path)
+        speed, extrude, dwell = read_compas_moves(path)
+        moved = ToolPath(1000.0 * position, turns, 1000.0 * speed, extrude, dwell, np.zeros(len(position)))
+    turn, shift = workspace.base[:3, :3], workspace.base[:3, 3]  # from the robot's base to the print
+    return replace(moved, position=(moved.position - shift) @ turn, rotation=turn.T @ moved.rotation)
 
 
 def _smallest_turns(directions: np.ndarray) -> np.ndarray:

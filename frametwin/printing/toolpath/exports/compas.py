@@ -59,8 +59,8 @@ def read_compas_frames(path: PathLike) -> tuple[np.ndarray, np.ndarray]:
     return points, np.stack([x, y, np.cross(x, y)], axis=2)
 
 
-def read_compas_moves(path: PathLike) -> tuple[np.ndarray, np.ndarray]:
-    """Read speeds (N,) in m/s, and whether material flows from each waypoint on (N,).
+def read_compas_moves(path: PathLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Read speeds (N,) in m/s, whether material flows from each waypoint on (N,), and pauses (N,) in s.
 
     Raises
     ------
@@ -69,7 +69,8 @@ def read_compas_moves(path: PathLike) -> tuple[np.ndarray, np.ndarray]:
     """
     data = read_json(path)
     speed = checked_array(data.get("speed"), "f", (None,), str(path), "speed")
-    return speed, checked_array(data.get("extrude"), "b", (len(speed),), str(path), "extrude")
+    extrude = checked_array(data.get("extrude"), "b", (len(speed),), str(path), "extrude")
+    return speed, extrude, checked_array(data.get("dwell"), "f", (len(speed),), str(path), "dwell")
 
 
 def _graph(waypoints: Waypoints, points: np.ndarray) -> dict[str, Any]:

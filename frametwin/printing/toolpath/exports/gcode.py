@@ -75,9 +75,9 @@ def read_gcode(path: PathLike) -> GcodeMoves:
     Raises
     ------
     InputError
-        If the file is missing or holds a line of another kind.
+        If the file is missing, holds a line of another kind, or does not begin with the modes that its numbers need.
     """
-    rows, dwell = [], []
+    rows, dwell, modes = [], [], []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         command, _, comment = line.partition(";")
         command = command.strip()
@@ -90,7 +90,13 @@ def read_gcode(path: PathLike) -> GcodeMoves:
                 continue
         if (match := re.fullmatch(r"G4 P(\d+)", command)) and dwell:
             dwell[-1] += float(match.group(1)) / 1000.0
-        elif command and command not in _SETUP:
+        elif command in _SETUP and not rows:
+            modes.append(command)
+        elif command:
             raise InputError.at(path, f"line {number}", f"{line[:60]!r} is not understood", "give a file of FrameTwin")
+    missing = [mode for mode in _SETUP if mode not in modes]
+    if missing or not rows:
+        problem = f"does not set {missing[0]} before its first move" if missing else "holds no moves"
+        raise InputError.at(path, "file", problem, "copy it whole, or plan the job again")
     table = np.array(rows, dtype=np.float64).reshape(-1, 8)
     return GcodeMoves(table[:, :3], table[:, 3:6], table[:, 6], table[:, 7], np.array(dwell))

@@ -52,7 +52,8 @@ _SETUP = (
     f"$ACC.CP = {ACCELERATION}",
 )
 _START = "PTP $AXIS_ACT"
-_OTHER = re.compile(r"&ACCESS RVP|DEF \w+\(\)|END|;.*|")
+_AROUND = ("&ACCESS RVP", "DEF NAME()", *_SETUP, _START, "END")
+_NOTHING = re.compile(r";.*|")
 
 
 def to_text(waypoints: Waypoints, limits: Workspace) -> str:
@@ -94,7 +95,7 @@ def read_krl(path: PathLike) -> RobotProgram:
     Raises
     ------
     InputError
-        If the file is missing or holds a line of another kind.
+        If the file is missing, cut short, or holds a line of another kind.
     """
     read, speed, blend = ReadMoves(), 0.0, 0.0
     for number, line in enumerate(read_text(path).splitlines(), start=1):
@@ -110,8 +111,11 @@ def read_krl(path: PathLike) -> RobotProgram:
             read.switch(match.group(1) == "TRUE")
         elif (match := _WAIT.fullmatch(text)) and read.rows:
             read.wait(float(match.group(1)))
-        elif text not in (*_SETUP, _START) and not _OTHER.fullmatch(text):
+        elif text in _AROUND or re.fullmatch(r"DEF \w+\(\)", text):
+            read.around.append(text)
+        elif not _NOTHING.fullmatch(text):
             raise not_understood(path, number, text)
+    read.require_whole(path, _AROUND)
     table = np.array(read.rows, dtype=np.float64).reshape(-1, 8)
     turns = Rotation.from_euler("ZYX", table[:, 3:6], degrees=True) if len(table) else Rotation.identity(0)
     return RobotProgram(

@@ -46,7 +46,10 @@ _MOVE = re.compile(
 )
 _OUTPUT = re.compile(rf"SetDO {OUTPUT}, ([01]);")
 _WAIT = re.compile(rf"WaitTime \\InPos, ({_NUMBER});")
-_OTHER = re.compile(r"MODULE \w+|PROC \w+\(\)|ENDPROC|ENDMODULE|ConfL \\Off;|SingArea \\Wrist;|!.*|")
+_SETUP = ("ConfL \\Off;", "SingArea \\Wrist;")
+_AROUND = ("MODULE NAME", "PROC NAME()", *_SETUP, "ENDPROC", "ENDMODULE")
+_OTHER = re.compile(r"MODULE \w+|PROC \w+\(\)|ENDPROC|ENDMODULE|ConfL \\Off;|SingArea \\Wrist;")
+_NOTHING = re.compile(r"!.*|")
 
 
 def to_text(waypoints: Waypoints, limits: Workspace) -> str:
@@ -54,7 +57,7 @@ def to_text(waypoints: Waypoints, limits: Workspace) -> str:
     name = f"ft_{waypoints.batch:03d}"
     says = [*heading(waypoints), f"needs tooldata {TOOL} (tip of the nozzle, z out of it) and signal {OUTPUT}"]
     lines = [f"MODULE {name}", *(f"  ! {line}" for line in says), f"  PROC {name}_run()"]
-    body = ["ConfL \\Off;", "SingArea \\Wrist;", f"SetDO {OUTPUT}, 0;"]
+    body = [*_SETUP, f"SetDO {OUTPUT}, 0;"]
     for move in moves_of(waypoints, limits):
         x, y, z, w = Rotation.from_matrix(move.rotation).as_quat()
         place = ",".join(f"{value:.6f}" for value in move.position)
@@ -77,9 +80,11 @@ def read_rapid(path: PathLike) -> RobotProgram:
     Raises
     ------
     InputError
-        If the file is missing or holds a line of another kind.
+        If the file is missing, cut short, or holds a line of another kind.
     """
-    read = read_moves(path, Lines(move=_MOVE, switch=_OUTPUT, on="1", wait=_WAIT, other=_OTHER))
+    lines = Lines(move=_MOVE, switch=_OUTPUT, on="1", wait=_WAIT, other=_OTHER, nothing=_NOTHING)
+    read = read_moves(path, lines)
+    read.require_whole(path, _AROUND)
     table = np.array(read.rows, dtype=np.float64).reshape(-1, 9)
     if (np.abs(np.linalg.norm(table[:, 3:7], axis=1) - 1.0) > 1e-6).any():
         raise InputError.at(path, "robtarget", "an orientation is no unit quaternion", "give a program of FrameTwin")

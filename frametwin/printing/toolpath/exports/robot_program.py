@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 
 import numpy as np
 
@@ -59,11 +60,14 @@ class ReadMoves:
         Whether material flows from the arrival of each move on.
     dwell : list of floats, s
         Waited there.
+    around : list of str
+        The lines before, between and after the moves that neither move, switch nor wait.
     """
 
     rows: list[list[float]] = field(default_factory=list)
     extrude: list[bool] = field(default_factory=list)
     dwell: list[float] = field(default_factory=list)
+    around: list[str] = field(default_factory=list)
     _flows: bool = False
 
     def move(self, row: list[float]) -> None:
@@ -82,6 +86,30 @@ class ReadMoves:
         """A line that waits where the last move went."""
         self.dwell[-1] += seconds
 
+    def require_whole(self, path: PathLike, around: Sequence[str]) -> None:
+        """Refuse a program without moves, or with other lines around them than it was written with.
+
+        Parameters
+        ----------
+        path
+            Of the program.
+        around
+            The lines that set the controller up and that end the program, with ``NAME`` for its name.
+
+        Raises
+        ------
+        InputError
+            If the program is cut short, or a line is missing or one too many; the sentence names the first such line.
+        """
+        problem = "" if self.rows else "holds no moves"
+        for wanted, found in zip_longest(around, self.around):
+            if wanted is None:
+                problem = problem or f"has a line {found!r} too many"
+            elif found is None or not re.fullmatch(re.escape(wanted).replace("NAME", r"\w+"), found):
+                problem = problem or f"has no line {wanted!r} in its place"
+        if problem:
+            raise InputError.at(path, "file", problem, "copy it whole, or plan the job again")
+
 
 @dataclass(frozen=True)
 class Lines:
@@ -96,7 +124,9 @@ class Lines:
     wait
         Its group is the time in seconds.
     other
-        What means nothing here.
+        What stands around the moves.
+    nothing
+        Comments and empty lines.
     """
 
     move: re.Pattern[str]
@@ -104,6 +134,7 @@ class Lines:
     on: str
     wait: re.Pattern[str]
     other: re.Pattern[str]
+    nothing: re.Pattern[str]
 
 
 def read_moves(path: PathLike, lines: Lines) -> ReadMoves:
@@ -123,7 +154,9 @@ def read_moves(path: PathLike, lines: Lines) -> ReadMoves:
             read.switch(match.groups()[-1] == lines.on)
         elif (match := lines.wait.fullmatch(text)) and read.rows:
             read.wait(float(match.group(1)))
-        elif not lines.other.fullmatch(text):
+        elif lines.other.fullmatch(text):
+            read.around.append(text)
+        elif not lines.nothing.fullmatch(text):
             raise not_understood(path, number, text)
     return read
 

@@ -33,11 +33,13 @@ OUTPUT = 0
 _NUMBER = r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?"
 _MOVE = re.compile(
     rf"movel\(p\[({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER}), ({_NUMBER})\], "
-    rf"a=({_NUMBER}), v=({_NUMBER})(?:, r=({_NUMBER}))?\)"
+    rf"a={ACCELERATION}, v=({_NUMBER})(?:, r=({_NUMBER}))?\)"
 )
-_OUTPUT = re.compile(r"set_standard_digital_out\((\d+), (True|False)\)")
+_OUTPUT = re.compile(rf"set_standard_digital_out\({OUTPUT}, (True|False)\)")
 _SLEEP = re.compile(rf"sleep\(({_NUMBER})\)")
-_OTHER = re.compile(r"(def \w+\(\):|end|\w+\(\)|)")
+_OTHER = re.compile(r"def \w+\(\):|end|frametwin_batch_\d+\(\)")
+_NOTHING = re.compile(r"#.*|")
+_AROUND = ("def NAME():", "end", "NAME()")
 
 
 def to_text(waypoints: Waypoints, limits: Workspace) -> str:
@@ -73,15 +75,17 @@ def read_urscript(path: PathLike) -> RobotProgram:
     Raises
     ------
     InputError
-        If the file is missing or holds a line of another kind.
+        If the file is missing, cut short, or holds a line of another kind.
     """
-    read = read_moves(path, Lines(move=_MOVE, switch=_OUTPUT, on="True", wait=_SLEEP, other=_OTHER))
-    table = np.array(read.rows, dtype=np.float64).reshape(-1, 9)
+    lines = Lines(move=_MOVE, switch=_OUTPUT, on="True", wait=_SLEEP, other=_OTHER, nothing=_NOTHING)
+    read = read_moves(path, lines)
+    read.require_whole(path, _AROUND)
+    table = np.array(read.rows, dtype=np.float64).reshape(-1, 8)
     return RobotProgram(
         position=table[:, :3] * 1000.0,
         rotation_vector=table[:, 3:6],
-        speed=table[:, 7] * 1000.0,
+        speed=table[:, 6] * 1000.0,
         extrude=np.array(read.extrude, dtype=bool),
         dwell=np.array(read.dwell),
-        blend=table[:, 8] * 1000.0,
+        blend=table[:, 7] * 1000.0,
     )
