@@ -163,6 +163,22 @@ def test_the_newest_moment_is_taken_and_those_before_are_passed_over(tmp_path: P
         FolderStream(tmp_path / "none", ["a"])
 
 
+@pytest.mark.parametrize("names", [("9", "10", "11"), ("t1.5", "t1.25", "t2.0"), ("shot9b", "shot10a", "shot10b")])
+@pytest.mark.parametrize("style", ["{moment}/{camera}.png", "{camera}/{moment}.png", "{camera}-{moment}.png"])
+def test_numbers_in_the_names_of_moments_count_as_numbers(tmp_path: Path, names: tuple[str, ...], style: str) -> None:
+    for moment in names:
+        for camera in ("a", "b"):
+            path = tmp_path / style.format(moment=moment, camera=camera)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            cv2.imwrite(str(path), np.zeros((4, 4), np.uint8))
+    expected = sorted(names, key=lambda name: float(name[1:])) if names[0].startswith("t") else list(names)
+    stream = FolderStream(tmp_path, ["a", "b"], every=True, rate=1.0)
+    found = [stream.next() for _ in range(4)]
+    assert [moment and moment.name for moment in found] == [*expected, None]
+    newest = FolderStream(tmp_path, ["a", "b"], rate=1.0).next()
+    assert newest is not None and (newest.name, newest.passed_over) == (expected[-1], 2)
+
+
 def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path) -> None:
     shots = tmp_path / "shots"
     drop(shots, "0", ["a", "b"], [np.full((40, 40), 200, np.uint8)] * 2)

@@ -14,6 +14,7 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.imaging.decoding import decoded, eight_bits
 from frametwin.tracking.moments import Moment
+from frametwin.wording import name_order
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 SEPARATORS = "-_."
@@ -27,7 +28,7 @@ WORKERS = 2
 
 
 class FolderStream:
-    """Moments out of a folder, in the order of their names.
+    """Moments out of a folder, in the order of their names; numbers in them count as such: 9 comes before 10.
 
     Pictures of one moment carry its name and their cameras': ``0007/left.png``, ``left/0007.png``, ``left-0007.png`` or
     ``0007-left.png``. A picture that is still growing is waited for.
@@ -66,8 +67,7 @@ class FolderStream:
     def next(self) -> Moment | None:
         """The next moment that is complete, or that has waited long enough for its last pictures."""
         waiting = self._waiting()
-        names = sorted(waiting) if self._every else sorted(waiting, reverse=True)
-        for name in names:
+        for name in sorted(waiting, key=name_order, reverse=not self._every):
             files = waiting[name]
             late = time.monotonic() - self._first_seen.setdefault(name, time.monotonic()) > GRACE
             if len(files) < len(self.names) and not late:
@@ -79,7 +79,9 @@ class FolderStream:
                 if self._every:
                     return None
                 continue
-            return self._moment(name, pictures, files, passed_over=sum(other < name for other in waiting))
+            order = name_order(name)
+            passed_over = sum(name_order(other) < order for other in waiting)
+            return self._moment(name, pictures, files, passed_over)
         return None
 
     def close(self) -> None:
@@ -87,16 +89,17 @@ class FolderStream:
         self._pool.shutdown(wait=False)
 
     def _moment(self, name: str, pictures: list[np.ndarray | None], files: dict[str, Path], passed_over: int) -> Moment:
-        self._last, self._taken = name, self._taken + 1 + passed_over
-        self._first_seen = {other: since for other, since in self._first_seen.items() if other > name}
+        self._last, self._taken, order = name, self._taken + 1 + passed_over, name_order(name)
+        self._first_seen = {other: self._first_seen[other] for other in self._first_seen if name_order(other) > order}
         when = _latest(files.values()) if self._rate is None else (self._taken - 1) / self._rate
         return Moment(name, when, pictures, passed_over)
 
     def _waiting(self) -> dict[str, dict[str, Path]]:
         """Files by moment and camera, of moments after the last."""
         found: dict[str, dict[str, Path]] = {}
+        last = name_order(self._last)
         for moment, camera, path in self._files():
-            if moment > self._last:
+            if name_order(moment) > last:
                 found.setdefault(moment, {})[camera] = path
         return found
 
@@ -106,7 +109,7 @@ class FolderStream:
                 yield from self._named(item)
             elif item.name in self.names:
                 yield from ((path.stem, item.name, path) for path in _listed(item) if _is_picture(path))
-            elif item.name > self._last and item.name not in NO_MOMENTS and item.is_dir():
+            elif name_order(item.name) > name_order(self._last) and item.name not in NO_MOMENTS and item.is_dir():
                 pictures = (path for path in _listed(item) if _is_picture(path) and path.stem in self.names)
                 yield from ((item.name, path.stem, path) for path in pictures)
 
