@@ -179,6 +179,14 @@ def test_numbers_in_the_names_of_moments_count_as_numbers(tmp_path: Path, names:
     assert newest is not None and (newest.name, newest.passed_over) == (expected[-1], 2)
 
 
+def test_a_camera_whose_name_begins_with_another_is_not_taken_for_it(tmp_path: Path) -> None:
+    for camera, shade in (("cam", 50), ("cam-left", 100)):
+        cv2.imwrite(str(tmp_path / f"{camera}-7.png"), np.full((4, 4), shade, np.uint8))
+    moment = FolderStream(tmp_path, ["cam", "cam-left"]).next()
+    assert moment is not None and moment.name == "7"
+    assert [int(picture[0, 0]) for picture in moment.pictures if picture is not None] == [50, 100]
+
+
 def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path) -> None:
     shots = tmp_path / "shots"
     drop(shots, "0", ["a", "b"], [np.full((40, 40), 200, np.uint8)] * 2)

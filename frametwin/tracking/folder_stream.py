@@ -55,6 +55,8 @@ class FolderStream:
             raise InputError.at(folder, "folder", "does not exist", "make the folder into which pictures are put")
         self._every, self._rate = every, rate
         self._last = ""  # the name of the last moment; names rise
+        # A name that begins or ends with another's is looked for before that.
+        self._longest_first = sorted(self.names, key=len, reverse=True)
         self._first_seen: dict[str, float] = {}
         self._taken = 0
         self._pool = ThreadPoolExecutor(WORKERS)
@@ -115,7 +117,7 @@ class FolderStream:
 
     def _named(self, path: Path) -> Iterator[tuple[str, str, Path]]:
         """A picture that carries both names in its own."""
-        for camera in self.names:
+        for camera in self._longest_first:
             for mark in SEPARATORS:
                 if path.stem.startswith(camera + mark):
                     yield path.stem[len(camera) + 1 :], camera, path
