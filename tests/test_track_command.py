@@ -187,6 +187,21 @@ def test_a_camera_whose_name_begins_with_another_is_not_taken_for_it(tmp_path: P
     assert [int(picture[0, 0]) for picture in moment.pictures if picture is not None] == [50, 100]
 
 
+def test_moments_without_one_camera_are_not_waited_for_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All have been there as long; else a stream with a dead camera would fall behind for ever."""
+    clock = [0.0]
+    monkeypatch.setattr("frametwin.tracking.folder_stream.time.monotonic", lambda: clock[0])
+    for n in range(3):
+        drop(tmp_path / "shots", f"{n}", ["a"], [np.zeros((4, 4), np.uint8)])
+    stream = FolderStream(tmp_path / "shots", ["a", "b"], every=True, rate=10.0)
+    assert stream.next() is None
+    clock[0] = 1.1
+    found = [stream.next() for _ in range(3)]
+    assert [moment and moment.name for moment in found] == ["0", "1", "2"]
+
+
 def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path) -> None:
     shots = tmp_path / "shots"
     drop(shots, "0", ["a", "b"], [np.full((40, 40), 200, np.uint8)] * 2)

@@ -68,10 +68,12 @@ class FolderStream:
 
     def next(self) -> Moment | None:
         """The next moment that is complete, or that has waited long enough for its last pictures."""
-        waiting = self._waiting()
+        waiting, now = self._waiting(), time.monotonic()
+        for name in waiting:
+            self._first_seen.setdefault(name, now)
         for name in sorted(waiting, key=name_order, reverse=not self._every):
             files = waiting[name]
-            late = time.monotonic() - self._first_seen.setdefault(name, time.monotonic()) > GRACE
+            late = now - self._first_seen[name] > GRACE
             if len(files) < len(self.names) and not late:
                 if self._every:
                     return None  # its turn comes first
