@@ -202,7 +202,7 @@ def test_moments_without_one_camera_are_not_waited_for_one_after_the_other(
     assert [moment and moment.name for moment in found] == ["0", "1", "2"]
 
 
-def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path) -> None:
+def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     shots = tmp_path / "shots"
     drop(shots, "0", ["a", "b"], [np.full((40, 40), 200, np.uint8)] * 2)
     whole = (shots / "0" / "b.png").read_bytes()
@@ -212,6 +212,7 @@ def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path) -> None:
     (shots / "0" / "b.png").write_bytes(whole)
     moment = stream.next()
     assert moment is not None and all(picture is not None for picture in moment.pictures)
+    assert capfd.readouterr().err == ""
 
 
 def test_films_are_followed_as_cameras_are(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from frametwin.capture.image_files import read_image_bytes
+from frametwin.capture.image_files import image_size, read_image_bytes
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.imaging.decoding import decoded, eight_bits
@@ -133,7 +133,9 @@ class FolderStream:
         if path is None:
             return None
         try:
-            return eight_bits(decoded(read_image_bytes(path), path))
+            data = read_image_bytes(path)
+            image_size(path, data)  # of what is cut short the decoder would print complaints of its own
+            return eight_bits(decoded(data, path))
         except InputError:
             return None
 
