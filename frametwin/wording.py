@@ -4,7 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
+
+_NUMBER = re.compile(r"(\d+(?:\.\d+)?)")
+
+
+@lru_cache(maxsize=1 << 16)  # a stream asks for all its pictures, and asks again
+def name_order(name: str) -> tuple[tuple[object, ...], str]:
+    """By which names are sorted as people number them: numbers in them by value, so that 9 comes before 10.
+
+    What is behind a point counts as a fraction, as in times.
+    """
+    parts: list[object] = list(_NUMBER.split(name))  # text and numbers take turns, so like is compared with like
+    for i in range(1, len(parts), 2):
+        whole, _, fraction = str(parts[i]).partition(".")
+        parts[i] = (int(whole), fraction)
+    return tuple(parts), name
 
 
 def enumerated(items: Iterable[object]) -> str:

@@ -13,6 +13,7 @@ from frametwin.geometry.parametric import named_frame
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.silhouette import silhouettes
 from frametwin.simulation.simulate import Simulation, SimulationSettings, simulate
+from frametwin.twin.findings import missing_struts
 
 SIZE = (600, 800)
 
@@ -63,6 +64,26 @@ def test_cameras_that_err_are_found_where_they_are(bridge: Simulation, degrees: 
     assert len(result.twin.cameras) == len(cameras) and result.twin.cameras[0]["held_by"] == "feet"
     within = (errors.strut_mean <= 2.0 * result.twin.sigma_across).mean()
     assert within >= 0.8
+
+
+def torus(around: int = 12, across: int = 6) -> Wireframe:
+    """A doughnut of triangles on the plate, 120 mm and 40 mm across at the middle of its tube."""
+    u, v = (2.0 * np.pi * np.arange(count) / count for count in (around, across))
+    reach = 60.0 + 20.0 * np.cos(v)
+    points = [[r * np.cos(a), r * np.sin(a), 20.0 + 20.0 * np.sin(b)] for a in u for r, b in zip(reach, v, strict=True)]
+    number = np.arange(around * across).reshape(around, across)
+    ways = [np.roll(number, shift, axis=(0, 1)) for shift in ((0, -1), (-1, 0), (-1, -1))]
+    return Wireframe.create(points, np.concatenate([np.stack([number, way], axis=2).reshape(-1, 2) for way in ways]))
+
+
+def test_struts_that_seemed_broken_by_wrong_cameras_are_whole_when_these_are_found() -> None:
+    """Far off their plan, they are bowed and torn to fit pictures that no shape fits before the cameras are free."""
+    simulation = simulate(torus(), SimulationSettings(size=(480, 640), seed=2, peak=8.0))
+    rng = np.random.default_rng(2)
+    result, errors = fitted(simulation, [elsewhere(camera, rng, 0.3, 1.5) for camera in simulation.cameras])
+    assert len(result.twin.cameras) == len(simulation.cameras)
+    assert not len(missing_struts(result.twin, simulation.frame.printed)) and result.twin.attached.all()
+    assert errors.curves.mean < 0.05 and errors.curves.max < simulation.frame.radius[0]
 
 
 @pytest.mark.parametrize("what", ["bumped", "swapped", "black"])

@@ -47,6 +47,22 @@ def fitted(simulation: Simulation, **settings) -> tuple[FitResult, Errors]:
     return result, evaluate(twin.control_points, twin.vertices, simulation.truth, simulation.present)
 
 
+def octet_truss(cell: float = 30.0) -> Wireframe:
+    """A cell of corners and middles of faces, each joined with those next to it: from most sides struts hide others."""
+    grid = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = 0.5 * cell * grid[grid.sum(axis=1) % 2 == 0]
+    apart = np.linalg.norm(points[:, None] - points[None], axis=2)
+    return Wireframe.create(points, np.argwhere(np.triu((apart > 0.0) & (apart < 0.75 * cell))))
+
+
+def test_struts_that_others_hide_are_not_bowed_away_by_the_last_pictures() -> None:
+    frame = octet_truss()
+    simulation = simulate(frame, SimulationSettings(views=4, size=(480, 640), deformation="warp", peak=3.0))
+    result, errors = fitted(simulation)
+    assert not len(missing_struts(result.twin, frame.printed))
+    assert errors.curves.max < frame.radius[0]
+
+
 @pytest.mark.parametrize(
     ("name", "size", "mean", "largest", "joint"),
     [

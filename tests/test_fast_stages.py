@@ -11,12 +11,13 @@ from small_frames import tower
 from frametwin.cameras.rigs import ring_rig
 from frametwin.errors import Cancelled
 from frametwin.fitting.fast_settings import CoarseStage, FastSettings, Stage
-from frametwin.fitting.fast_stages import astray, free_stage, recover, smooth_stages
+from frametwin.fitting.fast_stages import astray, free_stage, not_bowed_far, recover, smooth_stages
 from frametwin.fitting.fast_state import Problem, Record, State, drawn, terms_of
 from frametwin.fitting.levels import Levels
 from frametwin.fitting.loads import rigid_motions
 from frametwin.fitting.part_fit import PartFit
 from frametwin.fitting.presets import PRESETS, fitter_of
+from frametwin.geometry import bezier
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.deformations import rigid_motion
 from frametwin.progress import Progress, ProgressCallback
@@ -65,6 +66,32 @@ def test_the_loss_of_a_step_is_the_mean_over_the_pixels_that_it_looked_at() -> N
     level, rods = problem.level(STAGE), drawn(problem, state, STAGE.pieces)
     assert after.record.loss == (2.0 * squared_loss(rods, level) / level.target.size,)
     assert terms_of(problem, state, STAGE).loss == after.last_terms.loss
+
+
+def test_a_step_bows_no_strut_further_than_it_may_and_moves_joints_all_the_same() -> None:
+    problem, state = problem_of(masks_of(shifted((0.4, 0.0, 0.0))))
+    rng = np.random.default_rng(3)
+    joints = rng.normal(size=state.pose.joints.shape) * 0.1
+    inner = rng.normal(size=state.pose.inner.shape) * rng.uniform(0.0, 1.0, (PLAN.strut_count, 1))
+    plan, longest = PLAN.control_points, 0.5
+    capped = not_bowed_far(problem, joints, inner, longest)
+
+    def step(own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Control points' steps, and how far the curve's points step across the strut relative to its ends, at most."""
+        moved = problem.elastic.displaced(plan, joints, own) - plan
+        u = np.linspace(0.0, 1.0, 9)
+        chord = PLAN.vertices[PLAN.edges[:, 1]] - PLAN.vertices[PLAN.edges[:, 0]]
+        along = chord / np.linalg.norm(chord, axis=1)[:, None]
+        between = moved[:, :1] * (1.0 - u)[:, None] + moved[:, 3:] * u[:, None]
+        bow = bezier.evaluate(moved, u) - between
+        across = bow - np.einsum("esj,ej->es", bow, along)[..., None] * along[:, None]
+        return moved, np.linalg.norm(across, axis=2).max(axis=1)
+
+    (before, far), (after, left) = step(inner), step(capped)
+    assert (far > longest).any() and (far < longest).any()
+    np.testing.assert_allclose(left, np.minimum(far, longest), rtol=1e-9)
+    np.testing.assert_array_equal(after[:, [0, 3]], before[:, [0, 3]])
+    np.testing.assert_array_equal(not_bowed_far(problem, joints, inner, 1e6), inner)
 
 
 def test_smooth_stages_stay_within_their_motions() -> None:

@@ -432,6 +432,17 @@ def test_the_watch_reads_pictures_while_it_waits_for_them_to_stay(
     assert ahead.count(captures / "a") == 1 and job.current == 1
 
 
+def test_the_watch_takes_folders_as_people_number_them(job: PrintJob, tmp_path: Path) -> None:
+    captures, said = tmp_path / "captures", list[str]()
+    captures.mkdir()
+    real = LeaningPrint(job.design)
+    real.take(captures / "9", print_batch(job, real))
+    shutil.copytree(captures / "9", captures / "10")
+    with pytest.raises(Cancelled):
+        Watch(job, captures, say=said.append, progress=lambda progress: job.current == 0, poll=0.01, settle=0.0).run()
+    assert job.current == 1 and any("9 answers batch 0" in sentence for sentence in said)
+
+
 @pytest.mark.parametrize("kind", ["png", "jpg", "json"])
 def test_the_end_of_a_file_tells_whether_it_is_whole(tmp_path: Path, kind: str) -> None:
     grey = np.random.default_rng(0).integers(0, 256, (30, 40), dtype=np.uint8)

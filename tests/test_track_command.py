@@ -163,27 +163,46 @@ def test_the_newest_moment_is_taken_and_those_before_are_passed_over(tmp_path: P
         FolderStream(tmp_path / "none", ["a"])
 
 
-@pytest.mark.parametrize("moments", [["8", "9", "10", "11"], ["left0.5", "left0.75", "left1.25", "left10.0"]])
-def test_numbers_in_the_names_of_moments_count_as_numbers(tmp_path: Path, moments: list[str]) -> None:
-    """Whatever takes the pictures need not fill up with zeros: 10 is not before 9, and lost for good."""
-    stream, live = FolderStream(_folder(tmp_path / "all", moments), ["a", "b"], every=True), tmp_path / "live"
-    taken = [stream.next() for _ in moments]
-    assert [moment and moment.name for moment in taken] == moments and stream.next() is None
-    live.mkdir()
-    stream = FolderStream(live, ["a", "b"])
-    for name in moments:
-        _folder(live, [name])
-        moment = stream.next()
-        assert moment is not None and (moment.name, moment.passed_over) == (name, 0)
+@pytest.mark.parametrize("names", [("9", "10", "11"), ("t1.5", "t1.25", "t2.0"), ("shot9b", "shot10a", "shot10b")])
+@pytest.mark.parametrize("style", ["{moment}/{camera}.png", "{camera}/{moment}.png", "{camera}-{moment}.png"])
+def test_numbers_in_the_names_of_moments_count_as_numbers(tmp_path: Path, names: tuple[str, ...], style: str) -> None:
+    for moment in names:
+        for camera in ("a", "b"):
+            path = tmp_path / style.format(moment=moment, camera=camera)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            cv2.imwrite(str(path), np.zeros((4, 4), np.uint8))
+    expected = sorted(names, key=lambda name: float(name[1:])) if names[0].startswith("t") else list(names)
+    stream = FolderStream(tmp_path, ["a", "b"], every=True, rate=1.0)
+    found = [stream.next() for _ in range(4)]
+    assert [moment and moment.name for moment in found] == [*expected, None]
+    newest = FolderStream(tmp_path, ["a", "b"], rate=1.0).next()
+    assert newest is not None and (newest.name, newest.passed_over) == (expected[-1], 2)
 
 
-def _folder(folder: Path, moments: list[str]) -> Path:
-    for name in moments:
-        drop(folder, name, ["a", "b"], [np.zeros((4, 4), np.uint8)] * 2)
-    return folder
+def test_a_camera_whose_name_begins_with_another_is_not_taken_for_it(tmp_path: Path) -> None:
+    for camera, shade in (("cam", 50), ("cam-left", 100)):
+        cv2.imwrite(str(tmp_path / f"{camera}-7.png"), np.full((4, 4), shade, np.uint8))
+    moment = FolderStream(tmp_path, ["cam", "cam-left"]).next()
+    assert moment is not None and moment.name == "7"
+    assert [int(picture[0, 0]) for picture in moment.pictures if picture is not None] == [50, 100]
 
 
-def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path) -> None:
+def test_moments_without_one_camera_are_not_waited_for_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All have been there as long; else a stream with a dead camera would fall behind for ever."""
+    clock = [0.0]
+    monkeypatch.setattr("frametwin.tracking.folder_stream.time.monotonic", lambda: clock[0])
+    for n in range(3):
+        drop(tmp_path / "shots", f"{n}", ["a"], [np.zeros((4, 4), np.uint8)])
+    stream = FolderStream(tmp_path / "shots", ["a", "b"], every=True, rate=10.0)
+    assert stream.next() is None
+    clock[0] = 1.1
+    found = [stream.next() for _ in range(3)]
+    assert [moment and moment.name for moment in found] == ["0", "1", "2"]
+
+
+def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     shots = tmp_path / "shots"
     drop(shots, "0", ["a", "b"], [np.full((40, 40), 200, np.uint8)] * 2)
     whole = (shots / "0" / "b.png").read_bytes()
@@ -193,6 +212,7 @@ def test_a_picture_that_is_still_growing_is_waited_for(tmp_path: Path) -> None:
     (shots / "0" / "b.png").write_bytes(whole)
     moment = stream.next()
     assert moment is not None and all(picture is not None for picture in moment.pictures)
+    assert capfd.readouterr().err == ""
 
 
 def test_films_are_followed_as_cameras_are(tmp_path: Path) -> None:

@@ -197,6 +197,18 @@ def test_cameras_that_give_no_pictures_are_done_without(moving: MovingPrint) -> 
     assert run.tracker.follow([None] * 6, 9.0).views == ()
 
 
+def test_a_rig_of_four_goes_on_without_one_of_them() -> None:
+    run, strut = Run(MovingPrint(views=4)), 10
+
+    def none(pictures: list[np.ndarray | None]) -> None:
+        pictures[3] = None
+
+    run.show(*[(0.0, 0.0, 0.0)] * 4)
+    told = run.show(*[(0.0, 0.0, 0.0)] * 13, without=[strut], edit=none)  # type: ignore[arg-type]
+    assert [event.facts["struts"] for event in told if event.kind == "fallen"] == [[strut]]
+    assert [event.facts["views"] for event in told if event.kind == "view-lost"] == [[run.moving.cameras[3].name]]
+
+
 def test_photographs_are_compared_with_the_views_before_printing(moving: MovingPrint) -> None:
     rng = np.random.default_rng(4)
     before = [rng.integers(30, 70, (*moving.size, 3), dtype=np.uint8) for _ in moving.cameras]

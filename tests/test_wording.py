@@ -13,6 +13,7 @@ from frametwin.wording import (
     enumerated,
     having,
     listed,
+    name_order,
     parsed_size,
     shortened,
     size_text,
@@ -75,3 +76,18 @@ def test_sizes_are_written_with_the_width_first() -> None:
 )
 def test_durations(seconds: float, words: str) -> None:
     assert duration_text(seconds) == words
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["9", "10", "011", "100"],
+        ["a", "a2", "a10", "a10b", "b1"],
+        ["1700000000.25", "1700000000.5", "1700000001.1", "1700000010.0"],
+        ["2", "2-left", "left", "left-2", "left-11"],
+        ["7", "07x", "8"],
+    ],
+)
+def test_names_are_sorted_as_people_number_them(names: list[str]) -> None:
+    assert sorted(reversed(names), key=name_order) == names
+    assert name_order("07") != name_order("7")  # two names are never the same place

@@ -198,7 +198,10 @@ def _finished(plan: Problem, state: State, cubic: np.ndarray | None) -> tuple[Pr
     state, halves = noticed(problem, state), Halves.none(plan.frame)
     *sharp, sharpest = problem.settings.finish
     for stage in sharp:
+        exact = state.cameras is None
         state = _sharpened(problem, state, _shortened(problem, stage))
+        if exact and state.cameras is not None:  # what seemed broken before may have been off by its cameras alone
+            problem, state, torn = given_second_chance(plan, problem, state, torn)
         problem, state, torn = rejoined(plan, problem, state, torn, stage)
     if sharp:
         plan, problem, state, torn, halves, _ = with_bent_struts(plan, problem, state, torn, cubic)

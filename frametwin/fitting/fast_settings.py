@@ -69,6 +69,8 @@ class Stage:
     drag : weight of the elastic energy of each step.
     share : of each step that is gone. Rods that share a pixel are taken one by one, so that at joints, where they all
         move together, a whole step in sharp pictures would swing from side to side.
+    longest_bow : cap on how far a step bows a strut between its ends, in pixels, where there is one. In the last
+        pictures no strut that is seen has to bow far any more, and one that is hidden would by chance.
     spread : of the rods' edges in pixels, where it shall not be that of a pixel and the blur.
 
     Raises
@@ -85,6 +87,7 @@ class Stage:
     drag: Weight
     longest: Cap = 1.0
     share: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 1.0
+    longest_bow: Cap | None = None
     spread: Annotated[float, within(0.01, 10.0)] | None = None
 
     def __post_init__(self) -> None:
@@ -156,11 +159,31 @@ class FastSettings(Changeable):
         Stage(detail=8.0, blur=0.3, iterations=3, pieces=8, pull=0.01, drag=0.04, longest=1.5, share=0.6),
     )
     crisp: tuple[Stage, ...] = (
-        Stage(detail=14.0, blur=0.0, spread=0.14, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5),
-        Stage(detail=14.0, blur=0.0, spread=0.07, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5),
+        Stage(
+            detail=14.0,
+            blur=0.0,
+            spread=0.14,
+            iterations=1,
+            pieces=8,
+            pull=0.01,
+            drag=0.04,
+            longest=1.5,
+            longest_bow=1.5,
+        ),
+        Stage(
+            detail=14.0,
+            blur=0.0,
+            spread=0.07,
+            iterations=1,
+            pieces=8,
+            pull=0.01,
+            drag=0.04,
+            longest=1.5,
+            longest_bow=1.5,
+        ),
     )
     crisp_reduced: tuple[Stage, ...] = (
-        Stage(detail=10.0, blur=0.0, iterations=2, pieces=8, pull=0.01, drag=0.04, longest=1.5),
+        Stage(detail=10.0, blur=0.0, iterations=2, pieces=8, pull=0.01, drag=0.04, longest=1.5, longest_bow=1.5),
     )
     learn_thickness: bool = True
     learn_opacity: bool = True

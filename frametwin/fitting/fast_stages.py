@@ -16,6 +16,7 @@ from frametwin.fitting.joint_sizes import learn_joint_sizes
 from frametwin.fitting.loads import load_answers, rigid_motions, smooth_warps
 from frametwin.fitting.motion import Pose, free_step, smooth_descent, strain
 from frametwin.fitting.nearby import Nearby
+from frametwin.geometry import bezier
 from frametwin.raster import rods
 from frametwin.raster.rods import Terms
 
@@ -37,6 +38,9 @@ NEAR = 0.15
 
 NEAR_LAST = 0.1
 """The same in the last stages: pictures that are hardly sharper than those before leave little to do."""
+
+BOWED_AT = np.linspace(0.0, 1.0, 9)[1:-1]
+"""Parameters at which it is asked how far a step bows a strut."""
 
 WEAK = 1e-4
 """What is left of the weight of a strut that is astray, while its neighbours place it."""
@@ -203,7 +207,10 @@ def free_stage(
         terms, joints, inner, cameras = _free_step(problem, state, stage, lost)
         furthest = _furthest(joints, problem.resting) * density
         share = stage.share * min(1.0, stage.longest / max(furthest, 1e-12))
-        pose = state.pose.moved(share * joints, share * inner)
+        joints, inner = share * joints, share * inner
+        if stage.longest_bow is not None:
+            inner = not_bowed_far(problem, joints, inner, stage.longest_bow / density)
+        pose = state.pose.moved(joints, inner)
         if problem.settings.learn_thickness and stage.detail > 1.0:
             pose = presence.learn_thickness(pose, problem.frame.radius, terms.widths, hidden)
         moved = None if state.cameras is None else state.cameras + share * cameras
@@ -213,6 +220,23 @@ def free_stage(
         if furthest < near:
             break
     return state
+
+
+def not_bowed_far(problem: Problem, joints: np.ndarray, inner: np.ndarray, longest: float) -> np.ndarray:
+    """What of a step (V, 6), (E, 6) is left of the latter when no strut is bowed by more than so many mm.
+
+    A strut that others hide is seen by little but pixels at the foot of an edge. To turn one of them, a step would bow
+    the strut by many radii; in others it was hardly seen to bow at all.
+    """
+    plan = problem.frame.control_points
+    step = problem.elastic.displaced(plan, joints, inner) - plan
+    bow = step - bezier.straight(step[:, 0], step[:, 3])
+    chord = plan[:, 3] - plan[:, 0]
+    tangent = chord / np.maximum(np.linalg.norm(chord, axis=1, keepdims=True), 1e-12)
+    bow -= np.einsum("eij,ej->ei", bow, tangent)[..., None] * tangent[:, None]  # which no picture shows
+    far = np.linalg.norm(bezier.evaluate(bow, BOWED_AT), axis=2).max(axis=1)
+    too_much = np.maximum(0.0, far - longest) / np.maximum(far, 1e-12)
+    return np.asarray(inner - (too_much[:, None, None] * bow[:, 1:3]).reshape(-1, 6))
 
 
 def _furthest(joints: np.ndarray, resting: int) -> float:

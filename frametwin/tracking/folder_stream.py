@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 
-from frametwin.capture.image_files import read_image_bytes
+from frametwin.capture.image_files import image_size, read_image_bytes
 from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.imaging.decoding import decoded, eight_bits
 from frametwin.tracking.moments import Moment
+from frametwin.wording import name_order
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 SEPARATORS = "-_."
@@ -29,11 +28,10 @@ WORKERS = 2
 
 
 class FolderStream:
-    """Moments out of a folder, in the order of their names.
+    """Moments out of a folder, in the order of their names; numbers in them count as such: 9 comes before 10.
 
     Pictures of one moment carry its name and their cameras': ``0007/left.png``, ``left/0007.png``, ``left-0007.png`` or
-    ``0007-left.png``. Numbers in names count as numbers: 10 comes after 9. A picture that is still growing is waited
-    for.
+    ``0007-left.png``. A picture that is still growing is waited for.
 
     Parameters
     ----------
@@ -57,6 +55,8 @@ class FolderStream:
             raise InputError.at(folder, "folder", "does not exist", "make the folder into which pictures are put")
         self._every, self._rate = every, rate
         self._last = ""  # the name of the last moment; names rise
+        # A name that begins or ends with another's is looked for before that.
+        self._longest_first = sorted(self.names, key=len, reverse=True)
         self._first_seen: dict[str, float] = {}
         self._taken = 0
         self._pool = ThreadPoolExecutor(WORKERS)
@@ -68,11 +68,12 @@ class FolderStream:
 
     def next(self) -> Moment | None:
         """The next moment that is complete, or that has waited long enough for its last pictures."""
-        waiting = self._waiting()
-        names = sorted(waiting, key=_turn, reverse=not self._every)
-        for name in names:
+        waiting, now = self._waiting(), time.monotonic()
+        for name in waiting:
+            self._first_seen.setdefault(name, now)
+        for name in sorted(waiting, key=name_order, reverse=not self._every):
             files = waiting[name]
-            late = time.monotonic() - self._first_seen.setdefault(name, time.monotonic()) > GRACE
+            late = now - self._first_seen[name] > GRACE
             if len(files) < len(self.names) and not late:
                 if self._every:
                     return None  # its turn comes first
@@ -82,7 +83,9 @@ class FolderStream:
                 if self._every:
                     return None
                 continue
-            return self._moment(name, pictures, files, passed_over=sum(_turn(other) < _turn(name) for other in waiting))
+            order = name_order(name)
+            passed_over = sum(name_order(other) < order for other in waiting)
+            return self._moment(name, pictures, files, passed_over)
         return None
 
     def close(self) -> None:
@@ -90,16 +93,17 @@ class FolderStream:
         self._pool.shutdown(wait=False)
 
     def _moment(self, name: str, pictures: list[np.ndarray | None], files: dict[str, Path], passed_over: int) -> Moment:
-        self._last, self._taken = name, self._taken + 1 + passed_over
-        self._first_seen = {other: since for other, since in self._first_seen.items() if _turn(other) > _turn(name)}
+        self._last, self._taken, order = name, self._taken + 1 + passed_over, name_order(name)
+        self._first_seen = {other: self._first_seen[other] for other in self._first_seen if name_order(other) > order}
         when = _latest(files.values()) if self._rate is None else (self._taken - 1) / self._rate
         return Moment(name, when, pictures, passed_over)
 
     def _waiting(self) -> dict[str, dict[str, Path]]:
         """Files by moment and camera, of moments after the last."""
         found: dict[str, dict[str, Path]] = {}
+        last = name_order(self._last)
         for moment, camera, path in self._files():
-            if _turn(moment) > _turn(self._last):
+            if name_order(moment) > last:
                 found.setdefault(moment, {})[camera] = path
         return found
 
@@ -109,13 +113,13 @@ class FolderStream:
                 yield from self._named(item)
             elif item.name in self.names:
                 yield from ((path.stem, item.name, path) for path in _listed(item) if _is_picture(path))
-            elif _turn(item.name) > _turn(self._last) and item.name not in NO_MOMENTS and item.is_dir():
+            elif name_order(item.name) > name_order(self._last) and item.name not in NO_MOMENTS and item.is_dir():
                 pictures = (path for path in _listed(item) if _is_picture(path) and path.stem in self.names)
                 yield from ((item.name, path.stem, path) for path in pictures)
 
     def _named(self, path: Path) -> Iterator[tuple[str, str, Path]]:
         """A picture that carries both names in its own."""
-        for camera in self.names:
+        for camera in self._longest_first:
             for mark in SEPARATORS:
                 if path.stem.startswith(camera + mark):
                     yield path.stem[len(camera) + 1 :], camera, path
@@ -129,15 +133,11 @@ class FolderStream:
         if path is None:
             return None
         try:
-            return eight_bits(decoded(read_image_bytes(path), path))
+            data = read_image_bytes(path)
+            image_size(path, data)  # of what is cut short the decoder would print complaints of its own
+            return eight_bits(decoded(data, path))
         except InputError:
             return None
-
-
-def _turn(moment: str) -> tuple[tuple[str | Decimal, ...], str]:
-    """What moments are put in order by: their names, in which numbers, whole or with decimals, count as numbers."""
-    parts = re.split(r"(\d+(?:\.\d+)?)", moment)  # texts and numbers by turns
-    return tuple(Decimal(part) if place % 2 else part for place, part in enumerate(parts)), moment
 
 
 def _is_picture(path: Path) -> bool:

@@ -98,7 +98,7 @@ class Looker:
             Struts that may have been lost from sight by moving far; blurred steps go after them.
         """
         given = np.array([mask is not None for mask in masks])
-        if given.sum() < min(FEWEST, len(masks)):
+        if given.sum() < fewest_pictures(len(masks)):
             return None
         sight, covered = self._sight(pose, masks, given)
         used = given & believed if (given & believed).sum() >= FEWEST else given
@@ -213,6 +213,11 @@ class Looker:
                 unexplained[view] = np.maximum(-off, 0.0).sum() / max(float((drawn - off).sum()), 1.0)
                 unseen[view] = np.maximum(off, 0.0).sum() / max(float(drawn.sum()), 1.0)
         return ViewMisfit(unexplained, unseen)
+
+
+def fewest_pictures(cameras: int) -> int:
+    """Pictures that a look takes, of so many cameras: in small rigs one of them may fail, as long as two are left."""
+    return min(FEWEST, max(2, cameras - 1))
 
 
 def _enlarged(region: np.ndarray, like: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from frametwin.printing.job.raw_pictures import NOTE, RawPictures
 from frametwin.printing.job.whole_endings import ends_whole
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.scratch import scratch_folder
+from frametwin.wording import name_order
 
 POLL = 0.1
 """Seconds between two looks. A folder counts as complete when nothing in it has changed for `AGAIN` seconds and all its
@@ -149,7 +150,8 @@ class Watch:
     def _next_capture(self, batch: int) -> tuple[Path | None, str, Path | None]:
         """The first folder that is complete and new, or why the first new one is not, and what may be soon."""
         why, soon = "", None
-        for folder in sorted(path for path in self.captures.iterdir() if path.is_dir()):
+        folders = (path for path in self.captures.iterdir() if path.is_dir())
+        for folder in sorted(folders, key=lambda path: name_order(path.name)):
             name = folder.name
             if name.startswith(".") or name in self._done:
                 continue
