@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from cli_tools import done, hear_interrupts, refused, run
 from print_cases import LeaningPrint, fingerprint, print_batch
@@ -250,6 +251,18 @@ def test_a_simulation_for_programs_and_for_people(frame: Path, tmp_path: Path) -
     text = done(*command, "--batch-size", "8").stdout  # finished: what there is is told again
     assert "with adaptation" in text and "result" in text and "print.png" in text
     assert "holds another simulation" in refused(*command, "--batch-size", "8", "--seed", "3")
+
+
+def test_a_slower_nozzle_is_a_remedy_in_simulations_too(frame: Path, tmp_path: Path) -> None:
+    """Struts take twice as long, pauses do not; what is sagged less is nearer to the design."""
+    told = []
+    for speed in ("5", "2.5"):
+        command = ("print", "simulate", frame, "--out", tmp_path / speed, "--no-adapt", "--quiet", "--json")
+        told.append(json.loads(done(*command, "--sag", "0.02", "--speed", speed).stdout))
+    usual, slow = (np.array(one["printing_seconds"]) for one in told)
+    np.testing.assert_allclose(slow - 60.0, 2.0 * (usual - 60.0))
+    assert told[1]["completed"] and told[1]["mean_deviation"] < 0.8 * told[0]["mean_deviation"]
+    assert "speed" in refused("print", "simulate", frame, "--out", tmp_path / "x", "--speed", "0")
 
 
 def test_a_print_that_collapses_is_a_result(tmp_path: Path) -> None:

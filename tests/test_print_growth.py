@@ -57,6 +57,44 @@ def test_a_cantilever_droops_as_a_beam_of_its_fluidity() -> None:
     np.testing.assert_allclose(-printing.standing().frame.vertices[1, 2], wanted, rtol=1e-3)
 
 
+def test_at_half_the_speed_a_strut_takes_twice_as_long_and_flows_half_as_far() -> None:
+    frame = chain([0, 0, 0], [30.0, 0, 0])
+    usual = dataclasses.replace(CERTAIN, sag=None, flow=50.0, rest=0.0, increments=1, seconds=(40.0, 40.0), pause=1e5)
+    droop, seconds = [], []
+    for speed in (5.0, 2.5):
+        printing = GrowingPrint(frame, in_order(0), dataclasses.replace(usual, speed=speed))
+        seconds.append(printing.lay(0, frame).seconds - 1e5)
+        droop.append(-float(printing.standing().frame.vertices[1, 2]))
+    np.testing.assert_allclose(seconds, [40.0, 80.0])
+    np.testing.assert_allclose(droop[1], 0.5 * droop[0], rtol=1e-3)
+
+
+def test_the_weight_of_a_print_is_that_of_the_usual_speed() -> None:
+    """Else the sag would be the same whatever the speed."""
+    frame = tower()
+    one, other = (GrowingPrint(frame, lowest_first(frame, 4), PrintSettings(speed=speed)) for speed in (5.0, 1.0))
+    assert one.scale == other.scale
+
+
+@pytest.mark.parametrize("forwards", [True, False])
+def test_a_nozzle_pulls_at_the_post_from_which_it_draws_a_strut(forwards: bool) -> None:
+    """The post bends as a cantilever under a load at its end, by as much as it flows while the strut is laid."""
+    height, length = 20.0, 30.0
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, height], [length, 0.0, height]])
+    edges = [[0, 1], [1, 2] if forwards else [2, 1]]
+    frame = Wireframe.create(points, edges, radius=1.0, grounded=[True, False, False])
+    usual = dataclasses.replace(CERTAIN, sag=None, flow=5.0, increments=1, seconds=(40.0, 40.0), pause=60.0)
+    tops = []
+    for draw in (0.0, 2.0):
+        printing = GrowingPrint(frame, in_order(0, 1, batch=[0, 1]), dataclasses.replace(usual, draw=draw))
+        for batch in range(2):
+            printing.lay(batch, frame)
+        tops.append(float(printing.standing().frame.vertices[1, 0]))
+    flowed = float(usual.flowed(np.array([80.0]), np.array([180.0]))[0])  # the post, from 80 s after it was laid
+    force = 2.0 * 1.24e-6 * 9.80665 * np.pi * length * 40.0 / 100.0
+    np.testing.assert_allclose(tops[1] - tops[0], flowed * force * height**3 / (3.0 * 3500.0 * np.pi / 4.0), rtol=0.01)
+
+
 def test_flow_adds_up_over_time() -> None:
     ages = np.array([0.0, 50.0, 300.0, 5000.0])
     parts = CERTAIN.flowed(ages[:-1], ages[1:])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,6 +54,18 @@ PICTURE = "print.png"
 @click.option("--views", type=click.IntRange(2, 1000), default=8, show_default=True, help="Number of cameras.")
 @size_option
 @click.option("--sag", type=Positive(0.99), help="How far the print sags, as a share of its extent.  [default: usual]")
+@click.option(
+    "--speed",
+    type=Positive(),
+    help="Of the nozzle in mm/s: at half of it, struts take twice as long and flow half as far.  [default: 5]",
+)
+@click.option(
+    "--draw",
+    type=click.FloatRange(0.0),
+    default=0.0,
+    show_default=True,
+    help="Pull of the nozzle at what stands while it draws a strut from there, as a multiple of the strut's weight.",
+)
 @click.option("--fit", is_flag=True, help="Find twins also without adaptation, to look at.")
 @accept_option
 @page_option
@@ -98,6 +110,8 @@ class SimulateOptions:
     views: int
     size: tuple[int, int]
     sag: float | None
+    speed: float | None
+    draw: float
     fit: bool
     accept: tuple[str, ...]
     page: bool
@@ -122,6 +136,7 @@ class SimulateOptions:
             **split_nozzle({name: getattr(self, name) for name in names}),
             "reprint": reprint,
             "allow_contact": True,
+            "waypoints": {} if self.speed is None else {"speed": self.speed},
         }
 
 
@@ -133,9 +148,10 @@ def _simulate(options: SimulateOptions) -> None:
     from frametwin.printing.simulation.simulate import SimulationOptions, draw_print, simulate_print
     from frametwin.printing.simulation.simulated_pictures import SimulatedRig
 
+    behaves = PrintSettings(draw=options.draw)
     wanted = SimulationOptions(
         plan=PlanOptions(**options.plan),
-        print=PrintSettings() if options.sag is None else PrintSettings(sag=options.sag),
+        print=behaves if options.sag is None else replace(behaves, sag=options.sag),
         rig=SimulatedRig(options.views, options.size, options.render),
         seed=options.seed,
         fit=options.fit,

@@ -28,21 +28,6 @@ ABOUT_USUAL = PRINT_TO_PRINT / np.sqrt(2.0)
 """The same from what is usual for the material: then any two prints differ by `PRINT_TO_PRINT`."""
 
 
-USUAL_SPEED = 5.0
-"""mm/s at which a guess is meant, and files that tell no speed were learnt."""
-
-
-def at_speed(known: MaterialEstimate, learnt: float, wanted: float) -> MaterialEstimate:
-    """What is known of a material by prints at one speed of the nozzle, in mm/s, for a print at another.
-
-    Struts that are laid at half the speed flow half as far while they harden, as
-    `frametwin.printing.adaptation.printability` has it.
-    """
-    place = GLOBAL.index("weight")
-    mean = [*known.mean[:place], known.mean[place] + float(np.log(wanted / learnt)), *known.mean[place + 1 :]]
-    return replace(known, mean=tuple(mean))
-
-
 def write_material(
     path: PathLike,
     estimate: MaterialEstimate,
@@ -113,21 +98,6 @@ def read_usual(path: PathLike) -> MaterialEstimate:
     Files that have nothing of the kind tell of one print, from which the usual differs by `ABOUT_USUAL`.
     """
     return _usual(*_data(path))
-
-
-def known_for_print(path: PathLike, speed: float) -> MaterialEstimate:
-    """What a file tells of the next print of its material, at a speed of the nozzle in mm/s.
-
-    Raises
-    ------
-    InputError
-        See `read_material`.
-    """
-    data, path = _data(path)
-    learnt = _above_zero(data, "speed") if "speed" in data else USUAL_SPEED
-    if learnt is None:
-        raise InputError.at(path, "speed", "is no number above 0", "give the speed of the nozzle in mm/s")
-    return at_speed(for_next_print(_usual(data, path)), learnt, speed)
 
 
 def _usual(data: Mapping[str, Any], path: Path) -> MaterialEstimate:

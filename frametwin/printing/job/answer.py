@@ -388,8 +388,7 @@ def _write(
     if going.forecast is not None:
         fit = going.forecast.fit
         learnt = dataclasses.replace(fit.estimate, prints=fit.known.prints + 1)
-        more = {"trust": fit.trust, "speed": step.settings.robot.waypoints.speed}
-        write_material(stage / MATERIAL, learnt, more, usual=usual_after(fit.known, learnt))
+        write_material(stage / MATERIAL, learnt, {"trust": fit.trust}, usual=usual_after(fit.known, learnt))
     if going.sequence is not step.expected.sequence:
         write_sequence(stage / files.SEQUENCE, going.sequence)
 

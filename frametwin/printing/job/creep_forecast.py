@@ -13,7 +13,7 @@ from frametwin.printing.adaptation.observation import Observation
 from frametwin.printing.adaptation.rest_of_print import PrintStep, resized_steps, steps_of
 from frametwin.printing.process.added_struts import without_last
 from frametwin.printing.process.creep import CreepModel, PrintState
-from frametwin.printing.process.material import PrintSettings
+from frametwin.printing.process.material import USUAL_SPEED, PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.resizing import resized, suitable_size
 
@@ -49,9 +49,11 @@ class CreepForecast:
     coupon: int = 0
 
     @classmethod
-    def start(cls, design: Wireframe, known: MaterialEstimate | None = None, coupon: int = 0) -> CreepForecast:
-        """Before the first batch."""
-        fit = MaterialFit.start(CreepModel(design, PrintSettings()), known)
+    def start(
+        cls, design: Wireframe, known: MaterialEstimate | None = None, coupon: int = 0, speed: float = USUAL_SPEED
+    ) -> CreepForecast:
+        """Before the first batch, of a print at a speed of the nozzle in mm/s."""
+        fit = MaterialFit.start(CreepModel(design, PrintSettings(speed=speed)), known)
         plan, laid_at = design.replace(printed=[False] * design.strut_count), np.zeros(design.strut_count)
         return cls(fit, plan, laid_at, coupon=coupon)
 

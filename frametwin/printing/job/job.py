@@ -343,9 +343,9 @@ class PrintJob:
         known = max((k for k in self._forecasts if k <= batch), default=0)
         if known == 0:
             path = self.folder / files.KNOWN_MATERIAL
-            forecast = CreepForecast.start(
-                self.design, read_material(path) if path.is_file() else None, self.settings.coupon
-            )
+            material = read_material(path) if path.is_file() else None
+            speed = self.settings.robot.waypoints.speed
+            forecast = CreepForecast.start(self.design, material, self.settings.coupon, speed)
         else:
             forecast = self._forecasts[known]
         for k in range(known, batch):
@@ -432,7 +432,7 @@ def _first_batch(
     plan = design.replace(printed=[False] * design.strut_count)
     if material is None or not (settings.compensate and settings.forecast == "creep"):
         return NextBatch(0, plan, sequence)
-    forecast = CreepForecast.start(design, material, settings.coupon)
+    forecast = CreepForecast.start(design, material, settings.coupon, settings.robot.waypoints.speed)
     plan = forecast.aimed(sequence, 0, resize=settings.resize)
     return NextBatch.after(plan, sequence, 0, (), settings, False, forecast)
 

@@ -13,7 +13,7 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.material_file import USUAL_SPEED, at_speed, known_for_print
+from frametwin.printing.adaptation.material_file import for_next_print, read_usual
 from frametwin.printing.adaptation.material_fit import GUESS, MaterialEstimate
 from frametwin.printing.adaptation.printability import Outlook, first_fall, outlook
 from frametwin.printing.job.creep_forecast import UNTRUSTED_SIZE, CreepForecast
@@ -22,6 +22,7 @@ from frametwin.printing.job.job import PrintJob
 from frametwin.printing.job.job_files import JobSettings
 from frametwin.printing.process.added_struts import frame_alone
 from frametwin.printing.process.coupon import with_coupon
+from frametwin.printing.process.material import USUAL_SPEED
 from frametwin.printing.records.sequence import PrintSequence
 from frametwin.printing.sequencing.check import require_feet_on_plate, require_single_struts
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
@@ -206,7 +207,7 @@ def plan_job(
     require_free(folder, overwrite, "job.json")
     require_single_struts(frame)
     require_feet_on_plate(frame)
-    known = None if material is None else known_for_print(material, WaypointSettings(**options.waypoints).speed)
+    known = None if material is None else for_next_print(read_usual(material))
     ordering, design = options.order(frame), options.design(frame, known)
     settings = options.job(design, ordering.nozzle_for(frame))  # refuses what is wrong before the search begins
     given = order_of_frame(frame) if order is None else read_given_order(order, frame)
@@ -222,7 +223,8 @@ def plan_job(
         given = (GivenOrder(source=frame.name) if given is None else given).after(design, coupon, UNTRUSTED_SIZE)
     sequence = plan_order(design, ordering, given, cut, progress)
     if known is not None:
-        require_standing(*frame_alone(design, sequence, options.coupon), known, settings.compensate)
+        printed, order_of_it = frame_alone(design, sequence, options.coupon)
+        require_standing(printed, order_of_it, known, settings.compensate, settings.robot.waypoints.speed)
     report(progress, Progress("writing", 0, 1))
     return PrintJob.create(folder, design, sequence, settings, notes, overwrite, known)
 
@@ -245,7 +247,11 @@ def require_room(design: Wireframe, coupon: np.ndarray, workspace: Workspace) ->
 
 
 def require_standing(
-    frame: Wireframe, sequence: PrintSequence, material: MaterialEstimate, compensate: bool = False
+    frame: Wireframe,
+    sequence: PrintSequence,
+    material: MaterialEstimate,
+    compensate: bool = False,
+    speed: float = USUAL_SPEED,
 ) -> None:
     """Refuse a print of which a known material tells that it will not stand.
 
@@ -255,13 +261,15 @@ def require_standing(
         The print.
     compensate
         It is aimed by the forecast: what leans outwards is laid further in, and carries what it could not carry else.
+    speed
+        Of the nozzle, mm/s.
 
     Raises
     ------
     InputError
         The sentence names the strut, the reason, and what would help.
     """
-    forecast = CreepForecast.start(frame, material)
+    forecast = CreepForecast.start(frame, material, speed=speed)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
     fall = first_fall(forecast.fit, forecast.aimed(sequence, 0) if compensate else frame, batches)
     if fall is not None:
@@ -273,8 +281,8 @@ def guessed_outlook(job: PrintJob, progress: ProgressCallback | None = None) -> 
     report(progress, Progress("computing the print", 0, 1))
     frame, sequence = frame_alone(job.design, job.sequence, job.settings.coupon)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
-    guess = at_speed(GUESS, USUAL_SPEED, job.settings.robot.waypoints.speed)
-    return outlook(CreepForecast.start(frame, guess).fit, frame, batches)
+    forecast = CreepForecast.start(frame, speed=job.settings.robot.waypoints.speed)
+    return outlook(forecast.fit, frame, batches)
 
 
 def plan_order(

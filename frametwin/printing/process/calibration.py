@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import factorise
 from frametwin.mechanics.stiffness import FrameBeams
-from frametwin.printing.process.material import PrintSettings
+from frametwin.printing.process.material import USUAL_SPEED, PrintSettings
 from frametwin.printing.records.sequence import PrintSequence
 
 LEAST_FLOW = 1e-4
@@ -26,12 +28,12 @@ DOWN = np.array([[0.0, 0.0, -1.0]])
 def weight_scale(design: Wireframe, sequence: PrintSequence, settings: PrintSettings) -> float:
     """Find the factor on the weight with which a print sags as ``settings.sag`` says; 1 if that is ``None``.
 
-    By the linear analysis of a print of the design in which every strut attaches and nothing varies: it is found once
-    for a frame and a sequence, and is the same for every seed and every plan.
+    By the linear analysis of a print of the design at the usual speed in which every strut attaches and nothing varies:
+    it is found once for a frame and a sequence, and is the same for every seed and every plan.
     """
     if settings.sag is None:
         return 1.0
-    drift = linear_drift(design, sequence, settings, DOWN).sum(axis=(0, 3))
+    drift = linear_drift(design, sequence, replace(settings, speed=USUAL_SPEED), DOWN).sum(axis=(0, 3))
     furthest = float(np.linalg.norm(drift, axis=1).max())
     return settings.sag * design.extent / furthest if furthest > 0.0 else 1.0
 
@@ -51,7 +53,7 @@ def linear_drift(design: Wireframe, sequence: PrintSequence, settings: PrintSett
     (B, V, 3, K) array, mm
         0 for joints that are not there yet.
     """
-    seconds = float(np.mean(settings.seconds))
+    seconds = float(np.mean(settings.strut_seconds))
     laid = np.zeros(design.strut_count, dtype=bool)
     laid_at = np.zeros(design.strut_count)
     drift = np.zeros((sequence.batch_count, design.vertex_count, 3, len(loads)))
@@ -113,5 +115,5 @@ def stiffness_between(
         Relative to the hardened material.
     """
     flowed = speed * settings.flowed(np.maximum(before - laid_at, 0.0), np.maximum(now - laid_at, 0.0))
-    stiffness: np.ndarray = 1.0 / np.maximum(flowed, LEAST_FLOW * settings.flow)
+    stiffness: np.ndarray = 1.0 / np.maximum(flowed, LEAST_FLOW * settings.hot_flow)
     return stiffness

@@ -197,13 +197,13 @@ class CreepModel:
     @property
     def seconds(self) -> float:
         """That a strut takes."""
-        return float(np.mean(self.settings.seconds))
+        return float(np.mean(self.settings.strut_seconds))
 
     def flow(self, parameters: CreepParameters, ages: np.ndarray) -> np.ndarray:
         """How far struts of these ages (2, N) in s, before and after, flow; see `PrintSettings.flowed`."""
         young, old = ages
-        flowed = flowed_between(young, old, self.settings.flow, parameters.hardening, parameters.rest)
-        return np.maximum(flowed, LEAST_FLOW * self.settings.flow)
+        flowed = flowed_between(young, old, self.settings.hot_flow, parameters.hardening, parameters.rest)
+        return np.maximum(flowed, LEAST_FLOW * self.settings.hot_flow)
 
     def step(
         self, state: PrintState, since: float, parameters: CreepParameters, bows: np.ndarray | None = None

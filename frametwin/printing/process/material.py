@@ -16,6 +16,9 @@ from frametwin.errors import InputError
 from frametwin.mechanics.stiffness import PLA, Material
 from frametwin.ranges import above, at_least, check_settings, in_words, rising, within
 
+USUAL_SPEED = 5.0
+"""mm/s of the nozzle at which what `PrintSettings` say of flow and seconds is meant."""
+
 
 @dataclass(frozen=True)
 class PrintSettings:
@@ -41,6 +44,14 @@ class PrintSettings:
     axial
         Stiffness along a strut relative to that of its solid section: it hangs on two beads that are squashed
         and drawn out.
+    speed
+        Of the nozzle while it lays a strut, mm/s. ``flow`` and ``seconds`` are told for `USUAL_SPEED`: at half of it
+        a strut takes twice as long, and flows half as far, since half as much of it is soft at once.
+    draw
+        How the nozzle pulls at what stands while it draws a strut from there, along the strut, as a multiple of its
+        weight: the tension of a thread that is drawn, three times its viscosity times how fast it gets longer
+        (F. Trouton, "On the coefficient of viscous traction and its relation to that of viscosity", Proc. R. Soc. A 77,
+        1906). A nozzle that feeds as much as it lays pulls by next to nothing; one that feeds less stretches the strut.
     lean
         Sideways pull as a share of the weight, in one direction for the whole print, drawn by the seed: what
         the residual stresses of a nozzle that keeps coming from the same side add up to.
@@ -54,7 +65,7 @@ class PrintSettings:
     increments
         Parts into which a batch is divided; the print sags after each, before the next is laid.
     seconds
-        A strut takes a time drawn from between these (paper, Sec. VI.C: 36 to 44 s).
+        A strut takes a time drawn from between these at `USUAL_SPEED` (paper, Sec. VI.C: 36 to 44 s).
     pause
         Seconds from the last strut of a batch until the next batch begins: pictures and twin.
     tear_angle, tear_stretch
@@ -82,6 +93,8 @@ class PrintSettings:
     rest: Annotated[float, at_least(0.0)] = 0.1
     uneven: Annotated[float, at_least(0.0)] = 0.3
     axial: Annotated[float, above(0.0, up_to=1.0, noun="a share")] = 0.1
+    speed: Annotated[float, above(0.0)] = USUAL_SPEED
+    draw: Annotated[float, at_least(0.0)] = 0.0
     lean: Annotated[float, at_least(0.0)] = 0.05
     residual: Annotated[float, at_least(0.0)] = 0.1
     placement: Annotated[float, at_least(0.0)] = 0.03
@@ -102,6 +115,17 @@ class PrintSettings:
     def __post_init__(self) -> None:
         check_settings(self)
 
+    @property
+    def hot_flow(self) -> float:
+        """``flow`` at the speed of the nozzle."""
+        return self.flow * self.speed / USUAL_SPEED
+
+    @property
+    def strut_seconds(self) -> tuple[float, float]:
+        """``seconds`` at the speed of the nozzle."""
+        least, most = self.seconds
+        return least * USUAL_SPEED / self.speed, most * USUAL_SPEED / self.speed
+
     def of_print(self, seed: int) -> PrintSettings:
         """The settings of the print of this seed, with what varies from print to print."""
         if self.variation == 0.0:
@@ -115,9 +139,9 @@ class PrintSettings:
     def flowed(self, young: np.ndarray, old: np.ndarray) -> np.ndarray:
         """How far struts flow between two ages (N,) in s, in multiples of how far they would bend at once when hard.
 
-        The integral of the fluidity, exp(-age / hardening) + rest, scaled so that hardening itself comes to ``flow``.
+        The integral of the fluidity, exp(-age / hardening) + rest, scaled so that hardening itself comes to `hot_flow`.
         """
-        return flowed_between(young, old, self.flow, self.hardening, self.rest)
+        return flowed_between(young, old, self.hot_flow, self.hardening, self.rest)
 
 
 def flowed_between(young: np.ndarray, old: np.ndarray, flow: float, hardening: float, rest: float) -> np.ndarray:
@@ -165,4 +189,4 @@ class ProcessVariation:
         pull = np.full((struts, 3), -1.0)
         pull[:, :2] = sideways + settings.residual * rng.normal(size=(struts, 2))
         placement = settings.placement * rng.normal(size=(struts, 2, 3))
-        return cls(speed, pull, placement, rng.uniform(*settings.seconds, size=struts))
+        return cls(speed, pull, placement, rng.uniform(*settings.strut_seconds, size=struts))

@@ -79,6 +79,7 @@ class GrowingPrint:
         self.outcomes: list[BatchOutcome] = []
         self.clock = 0.0
         struts, joints = design.strut_count, design.vertex_count
+        self._forwards = np.ones(struts, dtype=bool)  # laid from the first of its edge's joints to the second
         self._nodes = np.array(design.edges)  # a strut that hangs free has a node of its own, V + e
         self._points = np.concatenate([design.vertices, np.zeros((struts, 3))])
         self._curves = np.array(design.control_points)
@@ -185,6 +186,7 @@ class GrowingPrint:
         forwards = self.design.edges[strut, 0] == start
         self._curves[strut] = laid if forwards else laid[::-1]
         self._nodes[strut] = (start, node) if forwards else (node, start)
+        self._forwards[strut] = forwards
         self._standing[strut] = True
         self._as_laid[strut] = self._shape(np.array([strut]))[0]
 
@@ -209,7 +211,8 @@ class GrowingPrint:
             return
         settings, variation = self.settings, self.variation
         stiffness = stiffness_between(settings, self._laid_at[struts], before, self.clock, variation.speed[struts])
-        load = self.scale * own_weight(self.design, settings)[struts, None] * variation.pull[struts]
+        weight = self.scale * own_weight(self.design, settings)[struts, None]
+        load = weight * (variation.pull[struts] + self._drawn(struts, before))
         frame, nodes = self._part(struts)
         frame = settled(frame, stiffness, load, settings)
         self._points[nodes], self._curves[struts] = frame.vertices, frame.control_points
@@ -218,6 +221,18 @@ class GrowingPrint:
         torn |= np.abs(now[:, 2] / laid[:, 2] - 1.0) > settings.tear_stretch
         self._standing[struts[torn]] = False
         self._drop_unsupported()
+
+    def _drawn(self, struts: np.ndarray, before: float) -> np.ndarray:
+        """(N, 3) the nozzle's pull at struts that it has laid since then, as a multiple of their weight.
+
+        Each is pulled at for as long as it takes, of the time that has passed.
+        """
+        fresh = self._laid_at[struts] >= before
+        chord = self._curves[struts, 3] - self._curves[struts, 0]
+        along = chord / np.maximum(np.linalg.norm(chord, axis=1, keepdims=True), 1e-12)
+        along[~self._forwards[struts]] *= -1.0
+        share = self.variation.seconds[struts] / max(self.clock - before, 1e-12)
+        return np.asarray(np.where(fresh, self.settings.draw * share, 0.0)[:, None] * along)
 
     def _part(self, struts: np.ndarray) -> tuple[Wireframe, np.ndarray]:
         """The struts as a frame of their own, and the nodes of its joints."""

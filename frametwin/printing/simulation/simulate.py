@@ -44,7 +44,7 @@ class SimulationOptions:
     plan
         Of the job; whether it adapts stands there.
     print
-        How the print behaves.
+        How the print behaves; the nozzle's speed is that of the plan.
     rig
         Cameras, and what takes their pictures.
     seed
@@ -171,7 +171,8 @@ def simulate_print(
     options.rig.require(renderer)
     options.answer  # noqa: B018  refuses unknown names before anything is done
     job = _job_in(Path(folder), frame, options, order, material, overwrite, progress)
-    grown = GrowingPrint(job.design, job.sequence_at(0), options.print, options.seed, added=job.settings.added)
+    behaves = dataclasses.replace(options.print, speed=job.settings.robot.waypoints.speed)
+    grown = GrowingPrint(job.design, job.sequence_at(0), behaves, options.seed, added=job.settings.added)
     # The matrices are small: threads of the linear algebra would wait for each other.
     with threadpool_limits(limits=1, user_api="blas"):
         held = _go_on(job, grown, options, renderer, progress)
