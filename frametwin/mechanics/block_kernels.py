@@ -33,7 +33,7 @@ B = 6
 U = np.uint64  # an index without a sign is not looked at for counting from the end
 
 
-@nb.njit(**HELPER | {"fastmath": True})
+@nb.njit(**HELPER)
 def multiply(starts, rows, data, right, result):
     """Add the product of a matrix with right sides (6V, M) to a result (6V, M)."""
     for j in range(len(starts) - 1):
