@@ -79,14 +79,14 @@ def torus(around: int = 12, across: int = 6) -> Wireframe:
 def test_struts_that_seemed_torn_by_wrong_cameras_are_tried_again_when_these_are_found() -> None:
     """Far off their plan, they are bowed and torn to fit pictures that no shape fits before the cameras are free.
 
-    One in a hundred may still stay where it was bowed to.
+    Two in a hundred may still stay where it was bowed to.
     """
     simulation = simulate(torus(), SimulationSettings(size=(480, 640), seed=2, peak=8.0))
     rng = np.random.default_rng(2)
     result, errors = fitted(simulation, [elsewhere(camera, rng, 0.3, 1.5) for camera in simulation.cameras])
     assert len(result.twin.cameras) == len(simulation.cameras)
     assert result.twin.attached.all() and errors.curves.mean < 0.05
-    assert len(missing_struts(result.twin, simulation.frame.printed)) <= 0.01 * simulation.frame.strut_count
+    assert len(missing_struts(result.twin, simulation.frame.printed)) <= 0.02 * simulation.frame.strut_count
 
 
 @pytest.mark.parametrize("what", ["bumped", "swapped", "black"])
