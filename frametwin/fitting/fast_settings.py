@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from frametwin.errors import InputError
@@ -94,6 +94,11 @@ class Stage:
         check_settings(self, "stage")
 
 
+_CRISP = Stage(
+    detail=14.0, blur=0.0, spread=0.14, iterations=1, pieces=8, pull=0.01, drag=0.04, longest=1.5, longest_bow=1.5
+)
+
+
 @dataclass(frozen=True)
 class FastSettings(Changeable):
     """Schedule of the ``fast`` preset. It draws nothing at random, so the seed changes nothing.
@@ -158,30 +163,7 @@ class FastSettings(Changeable):
         Stage(detail=3.6, blur=0.4, iterations=3, pieces=8, pull=0.02, drag=0.08, longest=1.5, share=0.7),
         Stage(detail=8.0, blur=0.3, iterations=3, pieces=8, pull=0.01, drag=0.04, longest=1.5, share=0.6),
     )
-    crisp: tuple[Stage, ...] = (
-        Stage(
-            detail=14.0,
-            blur=0.0,
-            spread=0.14,
-            iterations=1,
-            pieces=8,
-            pull=0.01,
-            drag=0.04,
-            longest=1.5,
-            longest_bow=1.5,
-        ),
-        Stage(
-            detail=14.0,
-            blur=0.0,
-            spread=0.07,
-            iterations=1,
-            pieces=8,
-            pull=0.01,
-            drag=0.04,
-            longest=1.5,
-            longest_bow=1.5,
-        ),
-    )
+    crisp: tuple[Stage, ...] = (_CRISP, replace(_CRISP, spread=0.07))
     crisp_reduced: tuple[Stage, ...] = (
         Stage(detail=10.0, blur=0.0, iterations=2, pieces=8, pull=0.01, drag=0.04, longest=1.5, longest_bow=1.5),
     )

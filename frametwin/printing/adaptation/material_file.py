@@ -97,11 +97,7 @@ def read_usual(path: PathLike) -> MaterialEstimate:
 
     Files that have nothing of the kind tell of one print, from which the usual differs by `ABOUT_USUAL`.
     """
-    return _usual(*_data(path))
-
-
-def _usual(data: Mapping[str, Any], path: Path) -> MaterialEstimate:
-    """See `read_usual`."""
+    data, path = _data(path)
     if not any(isinstance(data.get(name), dict) and "usual" in data[name] for name in QUANTITIES):
         return for_next_print(_estimate(data, path, ("value", "error")))
     return _estimate(data, path, ("usual", "usual_error"))

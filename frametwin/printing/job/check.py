@@ -285,8 +285,9 @@ def _beside_plan(strut: int, points: np.ndarray, curve: np.ndarray, most: float)
     """Find out whether waypoints (N, 3) follow a curve (4, 3), all of it, and in its sense, to ``most`` mm."""
     samples = bezier.evaluate(curve, np.linspace(0.0, 1.0, SAMPLES))
     away = np.linalg.norm(points[:, None] - samples, axis=2)
-    if away.min(axis=1).max() > most:
-        yield Fault("path", strut, f"its waypoints lie up to {away.min(axis=1).max():.3g} mm beside its plan")
+    beside = away.min(axis=1).max()
+    if beside > most:
+        yield Fault("path", strut, f"its waypoints lie up to {beside:.3g} mm beside its plan")
         return
     left_out = _from_polyline(samples, points).max()
     if left_out > most:

@@ -48,7 +48,7 @@ _OUTPUT = re.compile(rf"SetDO {OUTPUT}, ([01]);")
 _WAIT = re.compile(rf"WaitTime \\InPos, ({_NUMBER});")
 _SETUP = ("ConfL \\Off;", "SingArea \\Wrist;")
 _AROUND = ("MODULE NAME", "PROC NAME()", *_SETUP, "ENDPROC", "ENDMODULE")
-_OTHER = re.compile(r"MODULE \w+|PROC \w+\(\)|ENDPROC|ENDMODULE|ConfL \\Off;|SingArea \\Wrist;")
+_OTHER = re.compile("|".join([r"MODULE \w+", r"PROC \w+\(\)", "ENDPROC", "ENDMODULE", *map(re.escape, _SETUP)]))
 _NOTHING = re.compile(r"!.*|")
 
 
