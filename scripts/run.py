@@ -27,8 +27,9 @@ OTHER_TESTS = ("tests/blender",)
 OTHER_PACKAGES = ("bpy", "pytest", "pytest-timeout", "pytest-xdist", "hatchling")
 OTHER_MODULES = ("bpy", "pytest", "pytest_timeout", "xdist", "hatchling")
 """What is installed beside Blender's other generation, and what of it can be imported then."""
-QUIET = {"NO_MKDOCS_2_WARNING": "1"}
-"""For the tools that tasks run: no news of the theme's successor between the lines of a test."""
+SURROUNDINGS = {"NO_MKDOCS_2_WARNING": "1", "PYTHONDONTWRITEBYTECODE": ""}
+"""For the tools that tasks run: no news of the theme's successor between the lines of a test, and bytecode is kept, so
+that each of the thousand processes that tests start need not compile all sources anew."""
 MOST_PROCESSES = 4
 """That share the tests; each loads PyTorch and Blender."""
 CPU_INDEX = "https://download.pytorch.org/whl/cpu"
@@ -302,7 +303,7 @@ def test_other_blender(venv: Path, python: Path, extra: list[str], required: boo
             raise SetupError(f"the virtual environment {other} could not be made; the reason is above.")
         install([*pip_install(inner), *OTHER_PACKAGES], "Blender's module")
     say(f"pytest {' '.join([*OTHER_TESTS, *extra])} ({BLENDER_PYTHONS[others[0]]})")
-    environment = {**os.environ, "FRAMETWIN_PYTHON": str(python), "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, **SURROUNDINGS, "FRAMETWIN_PYTHON": str(python), "PYTHONPATH": str(ROOT)}
     code = call([inner, "-m", "pytest", "-p", "no:cacheprovider", *shared_out(), *OTHER_TESTS, *extra], environment)
     return 0 if code == 5 and extra else code  # 5: what was asked for by name is not among these tests
 
@@ -353,7 +354,7 @@ def run_task(task: str, python: Path, extra: list[str]) -> int:
     code = 0
     for group in task_commands(task, extra):
         say(" + ".join(" ".join(command) for command in group))
-        code = call_together([[python, "-m", *command] for command in group], {**os.environ, **QUIET}) or code
+        code = call_together([[python, "-m", *command] for command in group], {**os.environ, **SURROUNDINGS}) or code
     return code
 
 

@@ -105,7 +105,12 @@ def _uncertainty(found: Consistent, rods: Rods) -> Uncertainty:
         presence.strut_whiteness(seen, level),
         presence.outline_misfit(seen, level),
         gauge.world_deviation(
-            problem.elastic, problem.level(stage).cameras, problem.covariances, found.holds, problem.foot_deviation
+            problem.elastic,
+            state.pose,
+            problem.level(stage).cameras,
+            problem.covariances,
+            found.holds,
+            problem.foot_deviation,
         ),
     )
 

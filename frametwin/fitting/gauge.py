@@ -22,7 +22,13 @@ FEET = 0.05
 """mm: standard deviation of a foot on the plate, as it was planned and as it is seen."""
 
 LENGTH = 1e-3
-"""Standard deviation of the common factor of all struts' lengths."""
+"""Least standard deviation of the common factor of all struts' lengths."""
+
+UNEVEN, AS_MANY = 0.01, 4
+"""Standard deviation of a strut's length, as a share of it, before any is seen, and how many struts that is worth."""
+
+COMMON = 0.2
+"""How far all lengths are off together, as a share of how far single ones are: in frames that sag, 0.01 to 0.25."""
 
 ROUNDS = 8
 
@@ -45,6 +51,35 @@ class Similarity:
 
 
 IDENTITY = Similarity(1.0, np.eye(3), np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """What the struts' lengths say of the scale of everything.
+
+    Attributes
+    ----------
+    longer
+        Logarithm of how much longer the struts are than planned: the median, of struts whose ends are seen.
+    deviation
+        Standard deviation of what of it is no scale: struts get shorter as they are squashed, and longer where they
+        hang, the more together the more it differs from strut to strut.
+    """
+
+    longer: float
+    deviation: float
+
+    @classmethod
+    def of(cls, elastic: ElasticFrame, pose: Pose) -> Lengths:
+        """Those of a frame in a pose."""
+        plan = elastic.frame.control_points
+        planned = bezier.arc_length(plan)
+        seen = tell_typical(planned, elastic.frame.radius)
+        longer = np.log(bezier.arc_length(elastic.displaced(plan, pose.joints, pose.inner)) / planned)[seen]
+        count = len(longer)
+        low, high = np.percentile(longer, [16.0, 84.0])
+        spread = (count * (0.5 * (high - low)) ** 2 + AS_MANY * UNEVEN**2) / (count + AS_MANY)
+        return cls(float(np.median(longer)), float(np.sqrt(LENGTH**2 + (COMMON**2 + 1.0 / count) * spread)))
 
 
 def foot_deviation(frame: Wireframe, outline_error: float) -> float:
@@ -95,7 +130,7 @@ def held_world(
     frame = elastic.frame
     where = frame.vertices[frame.grounded] + pose.joints[frame.grounded, :3]
     planned = frame.vertices[frame.grounded]
-    ratio, white = _length_ratio(elastic, pose), whitening(covariances)
+    lengths, white = Lengths.of(elastic, pose), whitening(covariances)
     for _ in range(ROUNDS):
         rows, values = [], []
         if feet is not None and len(planned):
@@ -107,22 +142,14 @@ def held_world(
         own = moved_rig(packed, freedoms, total)
         rows.append(_by_camera(packed, own, white))
         values.append(np.matmul(white, own[:, :, None]).ravel())
-        rows.append(np.array([[0.0] * 6 + [1.0 / LENGTH]]))
-        values.append(np.array([(np.log(total.scale) + np.log(ratio)) / LENGTH]))
+        rows.append(np.array([[0.0] * 6 + [1.0 / lengths.deviation]]))
+        values.append(np.array([(np.log(total.scale) + lengths.longer) / lengths.deviation]))
         step = -np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=None)[0]
         small = Similarity(float(np.exp(step[6])), rotation_matrices(step[3:6]), step[:3])
         total = small.after(total)
         if np.abs(step).max() < 1e-9:
             break
     return total
-
-
-def _length_ratio(elastic: ElasticFrame, pose: Pose) -> float:
-    """How much longer the struts are than planned: the median, of struts whose ends are seen."""
-    plan = elastic.frame.control_points
-    now = bezier.arc_length(elastic.displaced(plan, pose.joints, pose.inner))
-    planned = bezier.arc_length(plan)
-    return float(np.median((now / planned)[tell_typical(planned, elastic.frame.radius)]))
 
 
 def _by_similarity(points: np.ndarray) -> np.ndarray:
@@ -154,7 +181,7 @@ def rig_misfit(freedoms: np.ndarray, covariances: np.ndarray) -> float:
 
 
 def world_deviation(
-    elastic: ElasticFrame, packed: np.ndarray, covariances: np.ndarray, holds: str, foot: float = FEET
+    elastic: ElasticFrame, pose: Pose, packed: np.ndarray, covariances: np.ndarray, holds: str, foot: float = FEET
 ) -> np.ndarray:
     """(E,) mm: standard deviation of where the world is held, at the middle of each strut.
 
@@ -163,7 +190,7 @@ def world_deviation(
 
     Parameters
     ----------
-    elastic : the frame.
+    elastic, pose : the frame, as it was found.
     packed, covariances : (N, 17) and (N, 10, 10) the rig's cameras that were used, and how well each is known.
     holds : ``rig``, ``feet`` or ``cameras``.
     foot : mm, standard deviation of a foot.
@@ -172,7 +199,7 @@ def world_deviation(
     if holds == "rig":
         return np.zeros(frame.strut_count)
     rows = [_by_camera(packed, np.zeros((len(packed), FREEDOMS)), whitening(covariances))]
-    rows.append(np.array([[*6 * [0.0], 1.0 / LENGTH]]))
+    rows.append(np.array([[*6 * [0.0], 1.0 / Lengths.of(elastic, pose).deviation]]))
     if holds == "feet":
         rows.append(_by_similarity(frame.vertices[frame.grounded]).reshape(-1, 7) / foot)
     known = np.concatenate(rows)
