@@ -14,7 +14,7 @@ from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import for_next_print, read_usual
-from frametwin.printing.adaptation.material_fit import GUESS, MaterialEstimate
+from frametwin.printing.adaptation.material_fit import GUESS, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.printability import Outlook, first_fall, outlook
 from frametwin.printing.job.creep_forecast import UNTRUSTED_SIZE, CreepForecast
 from frametwin.printing.job.guards import GuardLimits
@@ -271,7 +271,11 @@ def require_standing(
     """
     forecast = CreepForecast.start(frame, material, speed=speed)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
-    fall = first_fall(forecast.fit, forecast.aimed(sequence, 0) if compensate else frame, batches)
+
+    def aimed(fit: MaterialFit) -> Wireframe:
+        return replace(forecast, fit=fit).aimed(sequence, 0) if compensate else frame
+
+    fall = first_fall(forecast.fit, aimed, batches)
     if fall is not None:
         raise InputError.at(frame.name, "material", fall.problem, fall.remedy)
 
