@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -390,10 +391,13 @@ def test_the_usual_comes_back_from_its_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.array(again.mean)[[0, 3, 4, 5]], np.array(usual.mean)[[0, 3, 4, 5]])
     assert again.prints == 3 and again.deviation[0] == 0.15
     data = read_json(tmp_path / "material.json")
-    del data["rest"]["usual"]
-    write_json(tmp_path / "wrong.json", data)
-    with pytest.raises(InputError, match="rest"):
-        read_usual(tmp_path / "wrong.json")
+    usual_gone, own_damaged = json.loads(json.dumps(data)), json.loads(json.dumps(data))
+    del usual_gone["rest"]["usual"]
+    own_damaged["rest"]["value"] = -0.1
+    for wrong in (usual_gone, own_damaged):
+        write_json(tmp_path / "wrong.json", wrong)
+        with pytest.raises(InputError, match="rest"):
+            read_usual(tmp_path / "wrong.json")
 
 
 @pytest.fixture
