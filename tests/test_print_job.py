@@ -488,6 +488,13 @@ def test_a_process_that_is_killed_leaves_a_job_that_goes_on(job: PrintJob, real:
     assert job.current == 1 and not list((job.folder / "batches").glob(".*"))
 
 
+def test_a_folder_that_cannot_be_written_is_told(job: PrintJob) -> None:
+    (job.folder / ".lock").mkdir()  # as good as a folder without rights, which the superuser has all the same
+    with pytest.raises(InputError, match=r"\.lock: file: cannot be written .*; make the job's folder writable"):
+        job.answer(job.folder)
+    PrintJob(job.folder).recover()
+
+
 def test_cancelling_changes_nothing(job: PrintJob, real: LeaningPrint, tmp_path: Path) -> None:
     from frametwin.errors import Cancelled
 
