@@ -261,6 +261,9 @@ def test_the_pictures_for_which_a_simulation_is_held_stay_to_be_looked_at(frame:
     assert (held / "transforms.json").is_file() and len(list((held / "images").iterdir())) == 5
     again = json.loads(done(*command, "--batch-size", "8", "--sag", "0.6", "--no-report", "--json").stdout)
     assert again["held"] == told["held"]
+    small = ("print", "simulate", frame, "--out", tmp_path / "small", "--views", "5", "--size", "8x8", "--quiet")
+    named = Path(refused(*small).split(": ")[0])
+    assert named.is_file() and named.suffix == ".png"
 
 
 def test_a_slower_nozzle_is_a_remedy_in_simulations_too(frame: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from frametwin.capture.image_files import write_png
-from frametwin.errors import Held, InputError
+from frametwin.errors import FrameTwinError, Held, InputError
 from frametwin.files import PathLike, dump_json, file_hash, read_json, staged_directory, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
@@ -36,7 +36,7 @@ SETTINGS, OUTCOME, TRUTH, STANDING = "simulation.json", "outcome.json", "truth.j
 design's struts as a camera sees them, those included that hang free at one end."""
 
 HELD = "held"
-"""Folder in a batch, with the pictures for which the job is held."""
+"""Folder in a batch, with the pictures for which the job is held, or that could not be used."""
 
 
 @dataclass(frozen=True)
@@ -285,18 +285,19 @@ def _answer(
         except Held as error:
             for name, note in notes.items():  # to look at; the batch is not answered
                 write_json(job.batch_folder(outcome.batch) / name, note)
-            raise _kept(error, capture, kept) from error
+            _keep(capture, kept, error)
+            raise
+        except InputError as error:
+            _keep(capture, kept, error)
+            raise
 
 
-def _kept(error: Held, capture: Path, folder: Path) -> Held:
-    """The same doubts about a copy of the pictures that stays, since the sentence asks to look at them."""
-    if error.source != str(capture):
-        return error
-    with staged_directory(folder, overwrite=True) as stage:
-        shutil.copytree(capture, stage, dirs_exist_ok=True)
-    told = Held.at(folder, error.field, error.problem, error.remedy)
-    told.doubts = error.doubts
-    return told
+def _keep(capture: Path, folder: Path, error: FrameTwinError) -> None:
+    """Keep pictures that an error is about, which asks to look at them, and name them where they are kept."""
+    if str(capture) in str(error):
+        with staged_directory(folder, overwrite=True) as stage:
+            shutil.copytree(capture, stage, dirs_exist_ok=True)
+        error.rename(str(capture), str(folder))
 
 
 def _notes(grown: GrowingPrint, outcome: BatchOutcome) -> dict[str, dict[str, Any]]:
@@ -335,7 +336,7 @@ def verdict(simulated: SimulatedPrint) -> str:
     """What became of the print, in a few words."""
     report = simulated.report
     if report.completed:
-        return "completed"
+        return "completed" if simulated.held is None else f"all struts stand, held at batch {len(report.e_max) - 1}"
     if report.collapsed_at_batch is not None:
         return f"collapsed at batch {report.collapsed_at_batch}"
     if simulated.held is not None:
