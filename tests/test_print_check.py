@@ -353,6 +353,13 @@ def test_a_strut_that_lies_in_another_one_is_refused(tmp_path: Path) -> None:
         plan_job(tmp_path / "job", twice)
 
 
+def test_radii_in_another_unit_than_the_joints_are_refused(tmp_path: Path) -> None:
+    frame = tower()
+    with pytest.raises(InputError, match="radius: of strut [0-9]+ is 0.001 mm.*in the unit of the joints"):
+        plan_job(tmp_path / "job", frame.replace(radius=[0.001] * frame.strut_count))
+    assert not (tmp_path / "job").exists()
+
+
 def test_a_tiny_print_is_sound_although_gcode_has_few_digits(tmp_path: Path) -> None:
     frame = tower()
     tiny = Wireframe.create(1e-2 * frame.vertices, frame.edges, radius=1e-2 * frame.radius, grounded=frame.grounded)

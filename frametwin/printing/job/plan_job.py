@@ -24,7 +24,7 @@ from frametwin.printing.process.added_struts import frame_alone
 from frametwin.printing.process.coupon import with_coupon
 from frametwin.printing.process.material import USUAL_SPEED
 from frametwin.printing.records.sequence import PrintSequence
-from frametwin.printing.sequencing.check import require_feet_on_plate, require_single_struts
+from frametwin.printing.sequencing.check import require_feet_on_plate, require_printable_radius, require_single_struts
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
@@ -206,6 +206,7 @@ def plan_job(
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
     require_single_struts(frame)
+    require_printable_radius(frame)
     require_feet_on_plate(frame)
     known = None if material is None else for_next_print(read_usual(material))
     ordering, design = options.order(frame), options.design(frame, known)
