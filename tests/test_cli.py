@@ -109,6 +109,7 @@ def test_convert_scales_and_sets_the_radius(tmp_path: Path) -> None:
     done("convert", metres, tmp_path / "a.json", "--scale", "1000", "--radius", "1.5")
     frame = read_frame(tmp_path / "a.json")
     assert np.allclose(frame.chord_lengths, [100.0, 200.0]) and (frame.radius == 1.5).all()
+    assert frame.grounded.tolist() == [True, True, False]  # and not what is within half a millimetre as it was read
     done("convert", metres, tmp_path / "b.json", "--scale", "1000")
     assert read_frame(tmp_path / "b.json").radius == pytest.approx(0.06 * 150.0)
 

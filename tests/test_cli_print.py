@@ -253,6 +253,19 @@ def test_a_simulation_for_programs_and_for_people(frame: Path, tmp_path: Path) -
     assert "holds another simulation" in refused(*command, "--batch-size", "8", "--seed", "3")
 
 
+def test_the_pictures_for_which_a_simulation_is_held_stay_to_be_looked_at(frame: Path, tmp_path: Path) -> None:
+    command = ("print", "simulate", frame, "--out", tmp_path / "job", "--views", "5", "--size", "400x300", "--quiet")
+    told = json.loads(done(*command, "--batch-size", "8", "--sag", "0.6", "--no-report", "--json").stdout)
+    held = Path(told["held"].split(": ")[0])
+    assert held.parent.parent == tmp_path / "job" / "batches"
+    assert (held / "transforms.json").is_file() and len(list((held / "images").iterdir())) == 5
+    again = json.loads(done(*command, "--batch-size", "8", "--sag", "0.6", "--no-report", "--json").stdout)
+    assert again["held"] == told["held"]
+    small = ("print", "simulate", frame, "--out", tmp_path / "small", "--views", "5", "--size", "8x8", "--quiet")
+    named = Path(refused(*small).split(": ")[0])
+    assert named.is_file() and named.suffix == ".png"
+
+
 def test_a_slower_nozzle_is_a_remedy_in_simulations_too(frame: Path, tmp_path: Path) -> None:
     """Struts take twice as long, pauses do not; what is sagged less is nearer to the design."""
     told = []

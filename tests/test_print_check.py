@@ -353,6 +353,13 @@ def test_a_strut_that_lies_in_another_one_is_refused(tmp_path: Path) -> None:
         plan_job(tmp_path / "job", twice)
 
 
+def test_radii_in_another_unit_than_the_joints_are_refused(tmp_path: Path) -> None:
+    frame = tower()
+    with pytest.raises(InputError, match="radius: of strut [0-9]+ is 0.001 mm.*in the unit of the joints"):
+        plan_job(tmp_path / "job", frame.replace(radius=[0.001] * frame.strut_count))
+    assert not (tmp_path / "job").exists()
+
+
 def test_a_tiny_print_is_sound_although_gcode_has_few_digits(tmp_path: Path) -> None:
     frame = tower()
     tiny = Wireframe.create(1e-2 * frame.vertices, frame.edges, radius=1e-2 * frame.radius, grounded=frame.grounded)
@@ -478,6 +485,25 @@ def test_the_command_tells_by_its_exit_code(job: PrintJob, tmp_path: Path) -> No
     assert "is no print job" in refused("print", "check", tmp_path)
     waypoints(job).unlink()
     assert waypoint_file(0, "json") in refused("print", "check", job.folder, "--quiet")
+
+
+def test_settings_that_were_changed_are_told_and_those_of_older_jobs_are_unverified(job: PrintJob) -> None:
+    path = job.folder / "job.json"
+    planned = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(planned), encoding="utf-8")  # the same, laid out otherwise
+    assert json.loads(done("print", "check", job.folder, "--json", "--quiet").stdout)["settings_verified"] is True
+    for place in (("waypoints", "speed"), ("nozzle", "cone_length"), ("workspace", "max_speed")):
+        changed = json.loads(json.dumps(planned))
+        robot = changed["settings"]["robot"]
+        inside = robot["waypoints"]["nozzle"] if place[0] == "nozzle" else robot[place[0]]
+        inside[place[1]] *= 1.5
+        path.write_text(json.dumps(changed), encoding="utf-8")
+        assert "job.json: file: is not as the job was planned" in refused("print", "check", job.folder, "--quiet")
+    changed.pop("hash")
+    path.write_text(json.dumps(changed), encoding="utf-8")
+    older = PrintJob(job.folder)
+    lines = {line.name: line for line in sign_off(older, check_job(older, batch=0)).lines}
+    assert lines["settings"].result == "not looked at" and "unverified" in lines["settings"].told
 
 
 def test_a_check_can_be_cancelled(job: PrintJob) -> None:

@@ -162,7 +162,8 @@ def test_every_file_of_a_batch_is_there_and_readable(job: PrintJob, real: Leanin
 def test_compensation_of_older_jobs_aims_what_is_to_come_above_where_it_sinks(tmp_path: Path) -> None:
     folder = small_job(tmp_path / "job", tower(3), batch_size=8, compensate=True).folder
     planned = read_json(folder / "job.json")
-    del planned["settings"]["forecast"]  # as jobs were that were planned before there was another
+    del planned["settings"]["forecast"]  # as jobs were that were planned before there was another,
+    del planned["hash"]  # and before the file had a hash of its own
     write_json(folder / "job.json", planned)
     job = PrintJob(folder)
     real = LeaningPrint(job.design, np.array([0.0, 0.0, -3.0]))
@@ -485,6 +486,13 @@ def test_a_process_that_is_killed_leaves_a_job_that_goes_on(job: PrintJob, real:
     assert job.current == 0 and list((job.folder / "batches").glob(".*"))
     job.answer(capture)
     assert job.current == 1 and not list((job.folder / "batches").glob(".*"))
+
+
+def test_a_folder_that_cannot_be_written_is_told(job: PrintJob) -> None:
+    (job.folder / ".lock").mkdir()  # as good as a folder without rights, which the superuser has all the same
+    with pytest.raises(InputError, match=r"\.lock: file: cannot be written .*; make the job's folder writable"):
+        job.answer(job.folder)
+    PrintJob(job.folder).recover()
 
 
 def test_cancelling_changes_nothing(job: PrintJob, real: LeaningPrint, tmp_path: Path) -> None:

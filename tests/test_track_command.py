@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -15,6 +16,7 @@ from stream_cases import MovingPrint, drop
 
 import frametwin
 from frametwin.capture.capture import write_capture
+from frametwin.capture.transforms import read_cameras
 from frametwin.errors import Cancelled, InputError
 from frametwin.fitting.api import fit_views, write_run
 from frametwin.progress import Progress
@@ -249,6 +251,8 @@ def test_events_are_added_to_whatever_a_killed_process_has_left(tmp_path: Path) 
 def test_events_read_as_sentences() -> None:
     assert str(Event("fallen", 0.0, 0, {"struts": [3]})) == "strut 3 has fallen"
     assert str(Event("laid", 0.0, 0, {"struts": [3, 5]})) == "struts 3 and 5 have been laid"
+    lost = "left disagrees with the other views, or shows nothing"
+    assert str(Event("view-lost", 0.0, 0, {"views": ["left"]})) == lost
     moved = {"joints": [4, 9], "distances": [1.2, 2.5], "positions": [[0.0] * 3] * 2}
     assert str(Event("moved", 0.0, 0, moved)) == "2 joints have moved, joint 9 by 2.50 mm"
 
@@ -262,4 +266,11 @@ def test_the_command_refuses_what_it_cannot_follow(run: Path, tmp_path: Path) ->
     assert "give either a folder STREAM or --camera" in refused("track", run, *with_cameras, "--quiet")
     assert "names 2 where 5 are calibrated" in refused("track", run, "--camera", "0,1", *with_cameras, "--quiet")
     assert "exists and is not empty" in refused("track", run, shots, "--out", run)
+    camera = read_cameras(run.parent / "capture" / "transforms.json")[0]
+    drop(shots, "7", [camera.name], [np.zeros((30, 40), np.uint8)])
+    said = refused("track", run, shots, *with_cameras, "--quiet", "--idle", "1.5")
+    assert said.startswith(f"{shots / '7' / camera.name}.png: size: is 40 x 30 pixels")
+    shutil.copytree(shots / "7", shots / "background")
+    said = refused("track", run, shots, *with_cameras, "--quiet")
+    assert f"{shots / 'background'}" in said
     assert not live.exists()

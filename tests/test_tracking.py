@@ -197,6 +197,25 @@ def test_cameras_that_give_no_pictures_are_done_without(moving: MovingPrint) -> 
     assert run.tracker.follow([None] * 6, 9.0).views == ()
 
 
+def test_dark_pictures_move_nothing_and_a_camera_that_stays_dark_is_told(moving: MovingPrint) -> None:
+    run = Run(moving)
+
+    def all_dark(pictures: list[np.ndarray]) -> None:
+        noise = np.random.default_rng(5)
+        pictures[:] = [noise.integers(0, 4, picture.shape, dtype=np.uint8) for picture in pictures]
+
+    def one_dark(pictures: list[np.ndarray]) -> None:
+        pictures[2] = np.zeros_like(pictures[2])
+
+    told = run.show(*[(0.0, 0.0, 0.0)] * 9, edit=all_dark)
+    np.testing.assert_array_equal(run.tracker.vertices, moving.plan.vertices)
+    assert not kinds(told) and not run.tracker.has_followed
+    told = run.show(*[(0.0, 0.0, 0.0)] * 16, edit=one_dark)
+    assert run.error() < 0.2 and run.tracker.standing.all() and kinds(told) == {"view-lost", "clear"}
+    assert [event.facts["views"] for event in told if event.kind == "view-lost"] == [[moving.cameras[2].name]]
+    assert told[-1].kind == "clear" and run.tracker.answerable
+
+
 def test_a_rig_of_four_goes_on_without_one_of_them() -> None:
     run, strut = Run(MovingPrint(views=4)), 10
 

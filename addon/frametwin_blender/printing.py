@@ -51,14 +51,14 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
     modes, parent = MODES[settings.mode], work_folder(context)
     top: list[float] = []
     told: list[str] = []
-    plan = _order_of(settings)
+    plan = _plan_of(settings)
 
     def job(place: int) -> Job:
         mode = modes[place]
         out = fresh_folder(parent, "print")
         adapt = mode != "blind"
         steered = {"adapt": adapt, "reprint": adapt, "compensate": mode == "compensate"}
-        wanted = {"plan": {**plan, **steered}, "seed": settings.seed}
+        wanted = {"plan": {**plan, **steered}, "print": {"draw": as_typed(settings.pull)}, "seed": settings.seed}
 
         def finish(found: tuple[dict[str, Any], PrintHistory]) -> Steps:
             scene, (answer, history) = scene_now(), found
@@ -90,9 +90,16 @@ def simulation_jobs(context: bpy.types.Context) -> Job:
     return job(0)
 
 
-def _order_of(settings: bpy.types.PropertyGroup) -> dict[str, int]:
-    """What the panel says of the order, as options of a plan; 0 leaves an option as it is."""
-    return {name: value for name in ("batch_size", "coupon", "supports") if (value := int(getattr(settings, name)))}
+def _plan_of(settings: bpy.types.PropertyGroup) -> dict[str, Any]:
+    """What the panel says of the order and the speed, as options of a plan; a count of 0 leaves an option as it is."""
+    counts = ("batch_size", "coupon", "supports")
+    order = {name: value for name in counts if (value := int(getattr(settings, name)))}
+    return {**order, "waypoints": {"speed": as_typed(settings.speed)}}
+
+
+def as_typed(value: float) -> float:
+    """A number of the panel, which Blender keeps in single precision, as it was typed."""
+    return float(f"{value:.6g}")
 
 
 def words_of(answer: dict) -> str:
@@ -138,7 +145,7 @@ def plan_print_job(context: bpy.types.Context) -> Job:
     """
     settings, scene_now = settings_of(context).print, keep(context.scene)
     out = fresh_folder(work_folder(context), "print")
-    wanted = _order_of(settings)
+    wanted = _plan_of(settings)
     frame = frame_json.to_dict(plan_from_object(plan_of(context), scene=context.scene))
 
     def finish(answer: dict[str, Any]) -> Steps:
@@ -302,6 +309,8 @@ class FRAMETWIN_PT_print(Panel, bpy.types.Panel):
         field(column, context, settings, "batch_size")
         field(column, context, settings, "coupon")
         field(column, context, settings, "supports")
+        field(column, context, settings, "speed")
+        field(column, context, settings, "pull")
         if not draw_progress(layout, context, TITLE):
             draw_python(layout, context)
             layout.operator("frametwin.simulate_print", text="Simulate Print", icon="PLAY")

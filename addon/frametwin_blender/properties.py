@@ -267,6 +267,20 @@ class FrameTwinPrint(bpy.types.PropertyGroup):
         max=100,
         description="Columns printed along, below joints that would sag, and cut off in the end; 6 do well",
     )
+    speed: FloatProperty(  # type: ignore[valid-type]
+        name="Speed",
+        default=5.0,
+        min=0.01,
+        soft_max=20.0,
+        max=250.0,
+        description="Of the nozzle while it lays a strut, in mm/s: at half of it struts flow half as far",
+    )
+    pull: FloatProperty(  # type: ignore[valid-type]
+        name="Pull",
+        min=0.0,
+        soft_max=10.0,
+        description="Of the nozzle at what stands while it draws a simulated strut from there, in weights of the strut",
+    )
     first_batch: IntProperty(name="From", min=0, description="Batch to compare with")  # type: ignore[valid-type]
     second_batch: IntProperty(  # type: ignore[valid-type]
         name="To", min=0, default=1, description="Batch that is coloured by its distance from the other"

@@ -138,6 +138,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "Peak mm": ("Höchstens mm", "最大 mm"),
     "Pictures": ("Bilder", "画像"),
     "Printed": ("Gedruckt", "造形済み"),
+    "Pull": ("Zug", "引張り"),
     "Rig": ("Kameraaufbau", "カメラ配置"),
     "Share": ("Anteil", "割合"),
     "Simulate": ("Simulieren", "シミュレート"),
@@ -159,6 +160,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "Seed": ("Startwert", "シード"),
     "Sort by": ("Ordnen nach", "並べ替え"),
     "Show": ("Zeigen", "表示"),
+    "Speed": ("Tempo", "速度"),
     # choices
     "All": ("Alles", "すべて"),
     "All Struts": ("Alle Stäbe", "すべての部材"),

@@ -47,13 +47,14 @@ def command(
       frametwin convert out/first/run twin.obj
     """
     from frametwin.formats import write_frame
+    from frametwin.formats.units import scaled
 
     if target.exists() and not overwrite:
         raise InputError.at(target, "OUT", "exists already", "choose another name, or give --overwrite")
     frame, twin = _read(source)
     curves = None if twin is None else twin.curves
     if scale is not None:
-        frame = frame.transformed([[scale, 0, 0, 0], [0, scale, 0, 0], [0, 0, scale, 0], [0, 0, 0, 1]])
+        frame = scaled(frame, scale)
         curves = None if curves is None else scale * curves
     if radius is not None:
         frame = frame.replace(radius=[radius] * frame.strut_count)

@@ -26,6 +26,7 @@ def check_command(job: Path, batch: int | None, out: Path | None, quiet: bool, a
     """Check that JOB can be printed: look at it anew, with nothing taken from the planner. Nothing is changed.
 
     \b
+    The settings:   nozzle, speeds and limits are those that the job was planned with.
     The order:      every strut is laid, begins on the plate or on something printed,
                     and is laid with the nozzle inside of nothing that stands by then.
     The waypoints:  the files for the robot are read back, of every batch that has some. All formats say the same; the
@@ -65,7 +66,7 @@ def check_command(job: Path, batch: int | None, out: Path | None, quiet: bool, a
     if out is not None:
         write_check(out, page)
     if as_json:
-        print_json({"job": job, **found.as_dict()})
+        print_json({"job": job, "settings_verified": work.file.verified, **found.as_dict()})
         return int(not found.fine)
     for fault in found.faults[:MOST_FAULTS]:
         click.echo(f"  - {fault}")

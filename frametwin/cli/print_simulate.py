@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -200,7 +201,9 @@ def _tell(out: Path, simulated: SimulatedPrint, asked: int) -> None:
     facts = [("result", verdict(simulated))]
     if simulated.held is not None:
         facts.append(("stopped", str(simulated.held)))
-    facts.append(("deviation", f"{report.mean_deviation:.3f} mm on average from the design, of what stands"))
+    off = report.mean_deviation
+    of_what_stands = f"{off:.3f} mm on average from the design, of what stands"
+    facts.append(("deviation", "nothing of the frame stands" if math.isnan(off) else of_what_stands))
     facts.append(
         ("time", f"{sum(simulated.twin_seconds):.1f} s of twins in {sum(report.seconds) / 60.0:.0f} min of printing")
     )

@@ -8,7 +8,7 @@ from frametwin.errors import InputError
 from frametwin.files import PathLike
 from frametwin.formats import foreign_unit
 from frametwin.formats.frame_json import UNITS
-from frametwin.geometry.wireframe import Wireframe
+from frametwin.geometry.wireframe import Wireframe, lowest_vertices
 
 
 def taken_in(frame: Wireframe, unit: str, path: PathLike) -> Wireframe:
@@ -39,5 +39,15 @@ def taken_in(frame: Wireframe, unit: str, path: PathLike) -> Wireframe:
 
 
 def scaled(frame: Wireframe, factor: float) -> Wireframe:
-    """A frame with all lengths multiplied by a factor."""
-    return frame if factor == 1.0 else frame.transformed(np.diag([factor, factor, factor, 1.0]))
+    """A frame with all lengths multiplied by a factor.
+
+    Where its feet are those that are taken where a file names none, they are taken anew: all of a frame in metres seems
+    to lie on the plate while its numbers are read as millimetres.
+    """
+    if factor == 1.0:
+        return frame
+    result = frame.transformed(np.diag([factor, factor, factor, 1.0]))
+    if np.array_equal(frame.grounded, lowest_vertices(frame.vertices, frame.edges)):
+        feet = frame.grounded & lowest_vertices(result.vertices, result.edges)
+        result = result.replace(grounded=feet)
+    return result

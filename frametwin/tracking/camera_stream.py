@@ -33,6 +33,7 @@ class CameraStream:
         self._rate, self._taken, self._ended = rate, 0, False
         self._began = time.monotonic()
         self._captures: list[cv2.VideoCapture] = []
+        self._sources = tuple(sources)
         for source in sources:
             capture = cv2.VideoCapture(int(source) if source.isdecimal() else source)
             self._captures.append(capture)
@@ -56,7 +57,7 @@ class CameraStream:
             self._ended = True
             return None
         self._taken += 1
-        return Moment(f"{self._taken - 1:06d}", now, pictures)
+        return Moment(f"{self._taken - 1:06d}", now, pictures, sources=self._sources)
 
     def close(self) -> None:
         """Let go of the cameras."""

@@ -59,6 +59,16 @@ def _clear(facts: Mapping[str, Any]) -> str:
     return "nothing but the print is in view"
 
 
+def _view_lost(facts: Mapping[str, Any]) -> str:
+    verbs = ("disagrees", "shows") if len(facts["views"]) == 1 else ("disagree", "show")
+    return f"{enumerated(facts['views'])} {verbs[0]} with the other views, or {verbs[1]} nothing"
+
+
+def _view_back(facts: Mapping[str, Any]) -> str:
+    verb = "agrees" if len(facts["views"]) == 1 else "agree"
+    return f"{enumerated(facts['views'])} {verb} with the other views again"
+
+
 _SENTENCES = {
     "moved": _moved,
     "fallen": lambda facts: f"{having(facts['struts'])} fallen",
@@ -66,7 +76,7 @@ _SENTENCES = {
     "laid": lambda facts: f"{having(facts['struts'])} been laid",
     "arm": lambda facts: f"something else than the print is in view of {enumerated(facts['views'])}",
     "clear": _clear,
-    "view-lost": lambda facts: f"{enumerated(facts['views'])} disagree with the other views, or give no pictures",
-    "view-back": lambda facts: f"{enumerated(facts['views'])} agree with the other views again",
+    "view-lost": _view_lost,
+    "view-back": _view_back,
     "batch": lambda facts: f"the job has gone on to batch {facts['batch']}",
 }

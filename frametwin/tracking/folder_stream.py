@@ -96,7 +96,8 @@ class FolderStream:
         self._last, self._taken, order = name, self._taken + 1 + passed_over, name_order(name)
         self._first_seen = {other: self._first_seen[other] for other in self._first_seen if name_order(other) > order}
         when = _latest(files.values()) if self._rate is None else (self._taken - 1) / self._rate
-        return Moment(name, when, pictures, passed_over)
+        sources = [str(files.get(camera, camera)) for camera in self.names]
+        return Moment(name, when, pictures, passed_over, sources)
 
     def _waiting(self) -> dict[str, dict[str, Path]]:
         """Files by moment and camera, of moments after the last."""

@@ -23,12 +23,15 @@ class Moment:
         One a camera; ``None`` where it gave none.
     passed_over : int
         Moments since the last one that came too fast to be looked at.
+    sources : sequence of str
+        What each picture is called where something is wrong with it; none where the cameras' names serve.
     """
 
     name: str
     time: float
     pictures: Sequence[np.ndarray | None]
     passed_over: int = 0
+    sources: Sequence[str] = ()
 
 
 class Stream(Protocol):

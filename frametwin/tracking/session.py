@@ -138,7 +138,7 @@ class Session:
         )
 
     def _follow(self, moment: Moment) -> None:
-        tracked: Tracked = self._tracker.follow(moment.pictures, moment.time)
+        tracked: Tracked = self._tracker.follow(moment.pictures, moment.time, moment.sources)
         self._passed_over += moment.passed_over
         self._unwritten = True
         if time.monotonic() - self._written >= self.write_every:

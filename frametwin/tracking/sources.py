@@ -19,6 +19,7 @@ from frametwin.geometry.wireframe import Wireframe
 from frametwin.imaging.decoding import decoded, eight_bits
 from frametwin.printing.job import job_files as files
 from frametwin.printing.job.job import PrintJob
+from frametwin.tracking.pictures import require_size
 from frametwin.twin.runs import is_run, load_run
 from frametwin.twin.twin import Twin
 
@@ -129,7 +130,8 @@ def backgrounds_for(
     Raises
     ------
     InputError
-        If the folder that was given does not exist, or a picture in it is missing or damaged.
+        If the folder that was given does not exist, or a picture in it is missing, damaged or of another size than
+        its camera's.
     """
     folder = Path(given) if given is not None else None if stream is None else stream / "background"
     if folder is None or (given is None and not folder.is_dir()):
@@ -142,5 +144,7 @@ def backgrounds_for(
         if not pictures:
             problem = f"holds no picture of {camera.name}"
             raise InputError.at(folder, "background", problem, "put the view before printing there")
-        found.append(eight_bits(decoded(read_image_bytes(pictures[0]), pictures[0])))
+        picture = eight_bits(decoded(read_image_bytes(pictures[0]), pictures[0]))
+        require_size(picture, camera, str(pictures[0]))
+        found.append(picture)
     return found

@@ -20,6 +20,8 @@ from frametwin.fitting.motion import Pose
 from frametwin.fitting.part_fit import PartFit
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.raster.pyramid import Pyramid
+from frametwin.raster.rods import Rods
+from frametwin.tracking.dark_views import DarkViews
 from frametwin.tracking.events import Event
 from frametwin.tracking.follower import Follower
 from frametwin.tracking.look import Look, Looker
@@ -122,6 +124,7 @@ class Tracker:
         self._reducer = Reducer(cameras, _scale(self._part, cameras, self.settings.finest), backgrounds)
         follower = Follower.of(self._part, self._struts, self._joints, twin)
         self._looker = Looker(follower, self._reducer.cameras, self.settings)
+        self._dark_views = DarkViews(self._part, self._reducer.cameras, self.settings.follow[-1])
         self._pose = follower.anchor
         self._last: Look | None = None
         waiting = np.zeros(len(self._struts), dtype=bool) if awaited is None else np.asarray(awaited)[self._struts]
@@ -212,7 +215,9 @@ class Tracker:
 
     # --- going on
 
-    def follow(self, pictures: Sequence[np.ndarray | None], time: float | None = None) -> Tracked:
+    def follow(
+        self, pictures: Sequence[np.ndarray | None], time: float | None = None, sources: Sequence[str] = ()
+    ) -> Tracked:
         """Go on to the pictures of the next moment.
 
         Parameters
@@ -221,6 +226,8 @@ class Tracker:
             One a camera, in their order; ``None`` where it gave none.
         time : float, s, optional
             When they were taken, by a clock of the caller's; the process's own by default.
+        sources : sequence of str, optional
+            What each picture is called where something is wrong with it, such as its file; by default as its camera.
 
         Raises
         ------
@@ -231,9 +238,11 @@ class Tracker:
         now = began if time is None else float(time)
         # Its matrices are small: threads of the linear algebra would only get in the way of the splatter's.
         with threadpool_limits(limits=1, user_api="blas"):
-            masks = self._reducer.masks(pictures)
+            masks = self._reducer.masks(pictures, sources)
+            dark = self._dark_views.find(self._drawn_standing(), masks)
+            masks = [None if unlit else mask for mask, unlit in zip(masks, dark, strict=True)]
             look = self._looker.look(self._as_drawn(now), masks, self._believed, self._watch_struts.standing)
-        events = self._events(look, np.array([mask is not None for mask in masks]), now)
+        events = self._events(look, np.array([mask is not None for mask in masks]), dark, now)
         used = () if look is None else tuple(names_of(np.flatnonzero(look.used), self._names))
         misfit = float("nan") if look is None else float(np.median(look.misfit.total[look.used]))
         frame, self._count = self._count, self._count + 1
@@ -247,7 +256,11 @@ class Tracker:
             there = there | self._watch_struts.awaited
         return replace(self._pose, opacity=there[:, None].astype(np.float64))
 
-    def _events(self, look: Look | None, given: np.ndarray, now: float) -> list[Event]:
+    def _drawn_standing(self) -> Rods:
+        opacity = self._watch_struts.standing[:, None].astype(np.float64)
+        return self._looker.follower.drawn(replace(self._pose, opacity=opacity), self.settings.follow[-1].pieces)
+
+    def _events(self, look: Look | None, given: np.ndarray, dark: np.ndarray, now: float) -> list[Event]:
         told: list[Event] = []
 
         def tell(kind: str, **facts: Any) -> None:
@@ -268,7 +281,7 @@ class Tracker:
                 fresh = np.unique(self._part.edges[struts])
                 self._watch_joints.forget(self._positions(), fresh)
         self._tell_joints(tell, now)
-        self._tell_arm(tell, look, now)
+        self._tell_arm(tell, look, dark, now)
         return told
 
     def _tell_joints(self, tell: Any, now: float) -> None:
@@ -280,8 +293,9 @@ class Tracker:
             joints = self._joints[moved].tolist()
             tell("moved", joints=joints, distances=far.tolist(), positions=positions[moved].tolist())
 
-    def _tell_arm(self, tell: Any, look: Look, now: float) -> None:
-        rise, _ = self._arm.look(np.array([look.covered.any()]), now)
+    def _tell_arm(self, tell: Any, look: Look, dark: np.ndarray, now: float) -> None:
+        hidden = dark & ~self._lost.on  # by an arm, for all that is known before the view is told of as lost
+        rise, _ = self._arm.look(np.array([look.covered.any() or hidden.any()]), now)
         in_view = bool(self._arm.on[0])
         if look.covered.any() and not self._told_arm and (len(rise) or in_view):
             tell("arm", views=names_of(np.flatnonzero(look.covered), self._names))

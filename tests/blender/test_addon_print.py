@@ -52,6 +52,7 @@ def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any
     tab.print_object = wireframe_to_curve(named_frame("bridge"), name="a print")
     scene.frame_set(7)
     before = (scene.frame_current, scene.frame_start, scene.frame_end)
+    tab.print.speed, tab.print.pull = 4.2, 0.1
     ops.simulate_print()
     words = cases.pump_until_done(300.0)
     assert not tab.print_object.visible_get()
@@ -61,6 +62,8 @@ def test_prints_with_and_without_adaptation_on_the_timeline(tab: Any, scene: Any
     assert scene.frame_current == scene.frame_end and all_in_view(adapted, blind)
     assert tab.print.job.endswith("print-002") and not tab.plan.visible_get()
     history = read_history(Path(tab.print.job).with_name("print-001"))
+    wanted = read_json(Path(tab.print.job, "simulation.json"))["options"]
+    assert (wanted["plan"]["waypoints"], wanted["print"]["draw"]) == ({"speed": 4.2}, 0.1)
     work = Path(tab.render.folder)
     assert sorted(path.name for path in work.iterdir()) == ["print-001", "print-002"]
     assert not [file for file in work.rglob("*.json") if ".part" in file.read_text()]  # the folder it was made in
@@ -131,11 +134,12 @@ def test_a_simulated_print_that_is_cancelled_leaves_no_folder(tab: Any, scene: A
 
 
 def test_a_job_for_a_robot_is_planned_and_shown_where_nothing_is_printed(tab: Any, scene: Any) -> None:
-    tab.print.coupon, tab.print.supports = 6, 1
+    tab.print.coupon, tab.print.supports, tab.print.speed = 6, 1, 3.3
     ops.plan_print()
     words = cases.pump_until_done(200.0)
     job = Path(tab.print.job)
     settings = read_json(job / "job.json")["settings"]
+    assert settings["robot"]["waypoints"]["speed"] == 3.3
     assert settings["coupon"] == 6 and settings["support_struts"] >= 1
     assert frame_json.read(job / "design.json").strut_count == 76 + settings["support_struts"] + 6
     assert "print its first batch" in words and list((job / "batches" / "000" / "waypoints").iterdir())

@@ -98,8 +98,9 @@ def read_usual(path: PathLike) -> MaterialEstimate:
     Files that have nothing of the kind tell of one print, from which the usual differs by `ABOUT_USUAL`.
     """
     data, path = _data(path)
+    alone = _estimate(data, path, ("value", "error"))  # what is damaged there may be so elsewhere, too
     if not any(isinstance(data.get(name), dict) and "usual" in data[name] for name in QUANTITIES):
-        return for_next_print(_estimate(data, path, ("value", "error")))
+        return for_next_print(alone)
     return _estimate(data, path, ("usual", "usual_error"))
 
 

@@ -7,22 +7,22 @@ computing the print once more with it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from frametwin.geometry.wireframe import Wireframe
-from frametwin.printing.adaptation.material_fit import GUESS, MaterialFit
+from frametwin.printing.adaptation.material_fit import GLOBAL, GUESS, MaterialFit
 from frametwin.printing.process.creep import PrintState
 
 MOST_TURN, MOST_STRETCH = 30.0, 0.2
 """Degrees and share by which a strut may turn, and grow or shrink, after it was laid. Simulated joints tear at 45 and
 0.25; the forecast is an estimate."""
 
-COOLING = 0.5
-"""Share of the flow that is left with strong cooling, or at half the speed: hardening takes half as long."""
+Aiming = Callable[[MaterialFit], Wireframe]
+"""The plan that the robot will follow, by what is known of the material and of the speed; nothing is printed yet."""
 
 
 @dataclass(frozen=True)
@@ -54,26 +54,27 @@ class Fall:
         return f"cannot be printed like that: strut {self.strut} {way}, by {self.moved:.0f} mm in batch {self.batch}"
 
 
-def first_fall(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray]) -> Fall | None:
+def first_fall(fit: MaterialFit, aimed: Aiming, batches: Sequence[np.ndarray]) -> Fall | None:
     """Find the first strut that would not hold while a plan is printed; ``None`` if all do.
 
     Parameters
     ----------
     fit
         What is known of the material.
-    plan
-        As the robot will follow it, nothing being printed yet.
+    aimed
+        See `Aiming`: what would help is aimed anew.
     batches
         Struts of each batch, in order.
     """
-    found = _fall(fit, plan, plan.grounded, batches, 1.0)
+    plan = aimed(fit)
+    found = _fall(fit, plan, plan.grounded, batches)
     if found is None:
         return None
     strut, batch, joint, movement = found
     moved = float(np.linalg.norm(movement))
     reason = "buckling" if -movement[2] < 0.5 * moved else "sag"
     most = float(plan.lengths[strut])  # linear beams that fall go anywhere
-    return Fall(strut, batch, reason, min(moved, most), _remedy(fit, plan, batches, joint))
+    return Fall(strut, batch, reason, min(moved, most), _remedy(fit, aimed, batches, joint))
 
 
 @dataclass(frozen=True)
@@ -130,34 +131,55 @@ def outlook(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray]) ->
     values[0] += np.log(SOFT)
     falls = []
     for one in (fit, replace(fit, values=values)):
-        fall = first_fall(one, plan, steps)
+        fall = first_fall(one, lambda _: plan, steps)
         falls.append(None if fall is None else replace(fall, batch=int(groups[fall.batch][0])))
         if fall is not None:
             break
     return Outlook(falls[0], falls[-1])
 
 
-def _remedy(fit: MaterialFit, plan: Wireframe, batches: Sequence[np.ndarray], joint: int) -> str:
-    """What would let the print stand: cooling, a prop, both, or neither."""
-    cool = "print at half the speed, or cool so that struts harden in half the time"
-    held = plan.grounded.copy()
+def _remedy(fit: MaterialFit, aimed: Aiming, batches: Sequence[np.ndarray], joint: int) -> str:
+    """What would let the print stand: to print slower, cooling, a prop, a prop with one of these, or nothing."""
+    ways = {
+        "print at half the speed": _slower(fit),
+        "cool so that struts harden in half the time": _cooled(fit),
+    }
+    plans = {words: aimed(one) for words, one in ways.items()}
+    grounded = fit.model.design.grounded
+    held = grounded.copy()
     held[joint] = True
+
+    def standing(feet: np.ndarray) -> str:
+        return ", or ".join(words for words, one in ways.items() if _fall(one, plans[words], feet, batches) is None)
+
     prop = f"put a temporary prop under joint {joint} (or try supports)"
-    if _fall(fit, plan, plan.grounded, batches, COOLING) is None:
-        return cool
-    if _fall(fit, plan, held, batches, 1.0) is None:
+    if words := standing(grounded):
+        return words
+    if _fall(fit, aimed(fit), held, batches) is None:
         return prop
-    if _fall(fit, plan, held, batches, COOLING) is None:
-        return f"{cool}, and {prop}"
+    if words := standing(held):
+        return f"{words}, and {prop}"
     return "take thicker or shorter struts there, try supports or more of them, or print the frame in parts"
 
 
+def _slower(fit: MaterialFit) -> MaterialFit:
+    """At half the speed of the nozzle."""
+    settings = fit.model.settings
+    return replace(fit, model=replace(fit.model, settings=replace(settings, speed=0.5 * settings.speed)))
+
+
+def _cooled(fit: MaterialFit) -> MaterialFit:
+    """Cooled so that struts harden in half the time."""
+    values = fit.values.copy()
+    values[GLOBAL.index("hardening")] -= np.log(2.0)
+    return replace(fit, values=values)
+
+
 def _fall(
-    fit: MaterialFit, plan: Wireframe, held: np.ndarray, batches: Sequence[np.ndarray], flow: float
+    fit: MaterialFit, plan: Wireframe, held: np.ndarray, batches: Sequence[np.ndarray]
 ) -> tuple[int, int, int, np.ndarray] | None:
     """The first strut that turns or stretches too far, the batch, its joint that moves most, and that movement (3,)."""
     model = replace(fit.model, design=fit.model.design.replace(grounded=held))
-    parameters = replace(fit.parameters, weight=fit.parameters.weight * flow)
     count = plan.strut_count
     state = PrintState.before(plan.replace(printed=[False] * count, grounded=held), np.zeros(count), 0.0)
     chords = plan.vertices[plan.edges[:, 1]] - plan.vertices[plan.edges[:, 0]]
@@ -165,7 +187,7 @@ def _fall(
     for batch, struts in enumerate(batches):
         now = state.points[plan.edges[struts]]
         laid_as[struts] = now[:, 1] - now[:, 0]
-        state = model.after(state, struts, parameters)
+        state = model.after(state, struts, fit.parameters)
         chord = state.points[plan.edges[:, 1]] - state.points[plan.edges[:, 0]]
         turn = np.degrees(
             np.arctan2(np.linalg.norm(np.cross(laid_as, chord), axis=1), np.einsum("ex,ex->e", laid_as, chord))

@@ -49,6 +49,10 @@ class JobBusy(FrameTwinError):
     """Another process is answering the print job."""
 
 
+class JobUnwritable(InputError):
+    """Nothing can be written into the print job's folder."""
+
+
 @dataclass(frozen=True)
 class BatchState:
     """How far a batch is.
@@ -252,7 +256,7 @@ class PrintJob:
         Held
             If the pictures, or the twin found from them, are not such that one may print on; the job is as it was.
         InputError
-            If the capture cannot be used, or the print is finished.
+            If the capture cannot be used, the print is finished, or the folder cannot be written.
         JobBusy
             If another process is at it.
         Cancelled
@@ -285,7 +289,7 @@ class PrintJob:
 
     def recover(self) -> None:
         """Finish what a process that was killed has left undone; does nothing while another one is at work."""
-        with suppress(JobBusy, OSError), self._locked():
+        with suppress(JobBusy, JobUnwritable), self._locked():
             self._recover()
 
     def prepare(self, capture: PathLike | None = None) -> None:
@@ -419,6 +423,10 @@ class PrintJob:
                 yield
         except Timeout as error:
             raise JobBusy(f"{self.folder}: another process is answering this job; wait for it, or end it.") from error
+        except OSError as error:
+            where, problem = error.filename or self.folder, f"cannot be written ({error.strerror})"
+            remedy = "make the job's folder writable, or copy it to where there is room"
+            raise JobUnwritable.at(where, "file", problem, remedy) from error
 
     @cached_property
     def _lock(self) -> FileLock:

@@ -3,7 +3,7 @@
 ::
 
     JOB/
-      job.json          settings, and hashes of the two files below
+      job.json          settings, and hashes of itself and of the two files below
       design.json       the frame as designed; never changes
       sequence.json     the order of its struts
       known.json        what earlier prints tell of the material, if given
@@ -22,6 +22,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -33,7 +34,7 @@ from frametwin import __version__
 from frametwin.arrays import checked_array
 from frametwin.checked_json import convert_fields, told_of
 from frametwin.errors import InputError
-from frametwin.files import check_format, file_hash, read_json, write_json
+from frametwin.files import check_format, dump_json, file_hash, read_json, write_json
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.guards import GuardLimits
@@ -53,6 +54,8 @@ CAPTURE, RUN, ADAPTED, REPORT = "capture", "run", "adapted.json", "report.json"
 KNOWN_MATERIAL = "known.json"
 FORECASTS = ("creep", "linear")
 LOCK = ".lock"
+OWN_HASH = "hash"
+"""Field of ``job.json`` with the SHA-256 of all its others; jobs that were planned before there was one have none."""
 
 
 @dataclass(frozen=True)
@@ -169,6 +172,8 @@ class JobFile:
         See `JobSettings`.
     hashes
         SHA-256 of ``design.json`` and ``sequence.json``.
+    verified
+        Whether the file has a hash of its own, by which it is as it was written; older jobs have none.
     """
 
     name: str
@@ -176,32 +181,37 @@ class JobFile:
     batches: int
     settings: JobSettings
     hashes: Mapping[str, str]
+    verified: bool = True
 
 
 def write_job_file(folder: Path, name: str, struts: int, batches: int, settings: JobSettings) -> None:
     """Write ``job.json`` beside the design and the sequence, which are there."""
-    write_json(
-        folder / JOB,
-        {
-            "format": FORMAT,
-            "version": VERSION,
-            "frametwin": __version__,
-            "name": name,
-            "struts": struts,
-            "batches": batches,
-            "hashes": {file: file_hash(folder / file) for file in (DESIGN, SEQUENCE)},
-            "settings": settings.as_dict(),
-        },
-    )
+    content = {
+        "format": FORMAT,
+        "version": VERSION,
+        "frametwin": __version__,
+        "name": name,
+        "struts": struts,
+        "batches": batches,
+        "hashes": {file: file_hash(folder / file) for file in (DESIGN, SEQUENCE)},
+        "settings": settings.as_dict(),
+    }
+    write_json(folder / JOB, {**content, OWN_HASH: _hash_of(content)})
+
+
+def _hash_of(content: Mapping[str, Any]) -> str:
+    """SHA-256 of what ``job.json`` holds, but for the hash itself; how the text is laid out does not matter."""
+    others = {key: value for key, value in content.items() if key != OWN_HASH}
+    return hashlib.sha256(dump_json(others).encode("utf-8")).hexdigest()
 
 
 def read_job_file(folder: Path) -> JobFile:
-    """Read ``job.json`` and check that design and sequence are those that it was written for.
+    """Read ``job.json`` and check that it is as it was written, and design and sequence those that it was written for.
 
     Raises
     ------
     InputError
-        If there is none, it is damaged, or one of the others was changed.
+        If there is none, it is damaged, or it or one of the others was changed.
     """
     if not folder.is_dir():
         raise InputError.at(folder, "folder", "there is no such folder", "give a job: see frametwin print plan")
@@ -220,7 +230,10 @@ def read_job_file(folder: Path) -> JobFile:
             remedy = "put the file back as it was, or plan another job"
             raise InputError.at(folder / file, "file", "is not the one that the job was planned with", remedy)
     settings = JobSettings.from_dict(data["settings"], str(path))
-    return JobFile(data["name"], data["struts"], data["batches"], settings, data["hashes"])
+    if OWN_HASH in data and data[OWN_HASH] != _hash_of(data):
+        remedy = "put the file back as it was, or plan another job"
+        raise InputError.at(path, "file", "is not as the job was planned: something in it was changed", remedy)
+    return JobFile(data["name"], data["struts"], data["batches"], settings, data["hashes"], OWN_HASH in data)
 
 
 def write_report(folder: Path, report: Mapping[str, Any]) -> None:

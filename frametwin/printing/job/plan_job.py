@@ -14,7 +14,7 @@ from frametwin.files import PathLike
 from frametwin.fitting.fast_settings import CAMERAS
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.adaptation.material_file import for_next_print, read_usual
-from frametwin.printing.adaptation.material_fit import GUESS, MaterialEstimate
+from frametwin.printing.adaptation.material_fit import GUESS, MaterialEstimate, MaterialFit
 from frametwin.printing.adaptation.printability import Outlook, first_fall, outlook
 from frametwin.printing.job.creep_forecast import UNTRUSTED_SIZE, CreepForecast
 from frametwin.printing.job.guards import GuardLimits
@@ -24,7 +24,7 @@ from frametwin.printing.process.added_struts import frame_alone
 from frametwin.printing.process.coupon import with_coupon
 from frametwin.printing.process.material import USUAL_SPEED
 from frametwin.printing.records.sequence import PrintSequence
-from frametwin.printing.sequencing.check import require_feet_on_plate, require_single_struts
+from frametwin.printing.sequencing.check import require_feet_on_plate, require_printable_radius, require_single_struts
 from frametwin.printing.sequencing.given_order import GivenOrder, order_of_frame, read_given_order
 from frametwin.printing.sequencing.nozzle import Nozzle
 from frametwin.printing.sequencing.order import OrderSettings, plan_sequence
@@ -206,6 +206,7 @@ def plan_job(
     options = PlanOptions() if options is None else options
     require_free(folder, overwrite, "job.json")
     require_single_struts(frame)
+    require_printable_radius(frame)
     require_feet_on_plate(frame)
     known = None if material is None else for_next_print(read_usual(material))
     ordering, design = options.order(frame), options.design(frame, known)
@@ -271,7 +272,11 @@ def require_standing(
     """
     forecast = CreepForecast.start(frame, material, speed=speed)
     batches = [sequence.struts[sequence.batch == batch] for batch in range(sequence.batch_count)]
-    fall = first_fall(forecast.fit, forecast.aimed(sequence, 0) if compensate else frame, batches)
+
+    def aimed(fit: MaterialFit) -> Wireframe:
+        return replace(forecast, fit=fit).aimed(sequence, 0) if compensate else frame
+
+    fall = first_fall(forecast.fit, aimed, batches)
     if fall is not None:
         raise InputError.at(frame.name, "material", fall.problem, fall.remedy)
 

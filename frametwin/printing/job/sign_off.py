@@ -16,6 +16,9 @@ VERSION = 1
 
 PASS, FAIL, NOT_ASKED = "pass", "FAIL", "not looked at"
 
+UNVERIFIED = "unverified: job.json is of an older version, which kept no hash of it; compare nozzle, speeds and limits"
+"""Told of settings by which all else is checked, and which nothing shows to be those that were planned with."""
+
 
 @dataclass(frozen=True)
 class CheckLine:
@@ -95,7 +98,9 @@ def sign_off(job: PrintJob, check: JobCheck, order: bool = True) -> SignOff:
     tilt = max((look.tilt_deg for look in looks), default=0.0)
     arm = "no robot was named" if robot.arm is None else f"all of it within reach of the {robot.arm}"
     compared = [name for name in robot.formats if name != "assembly"]  # the whole plan and no waypoints
+    settings = "as the job was planned" if job.file.verified else UNVERIFIED
     told = [
+        ("settings", (), settings),
         ("order", ("left out",), "every strut is laid once" if order else ""),
         ("material", ("in the air", "gap", "start", "end"), "every strut begins and ends where material is"),
         ("path", ("path",), "every strut is laid along its plan, as was asked for"),
@@ -107,7 +112,7 @@ def sign_off(job: PrintJob, check: JobCheck, order: bool = True) -> SignOff:
         ("reach", ("reach",), arm),
         ("files", ("file",), f"{', '.join(compared)} say the same and lay the batch"),
     ]
-    asked = {"order": order, "reach": robot.arm is not None}
+    asked = {"settings": job.file.verified, "order": order, "reach": robot.arm is not None}
     lines = tuple(_line(check, name, kinds, words, asked.get(name, True)) for name, kinds, words in told)
     return SignOff(job.folder.name, job.design.name, job.design.strut_count, job.sequence.batch_count, check, lines)
 

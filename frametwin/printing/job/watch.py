@@ -12,7 +12,7 @@ from frametwin.capture.views import has_cameras, model_pictures
 from frametwin.errors import Held, InputError
 from frametwin.files import PathLike, file_hash, read_json
 from frametwin.printing.job.answer import AnswerOptions
-from frametwin.printing.job.job import JobBusy, PrintJob
+from frametwin.printing.job.job import JobBusy, JobUnwritable, PrintJob
 from frametwin.printing.job.raw_pictures import NOTE, RawPictures
 from frametwin.printing.job.whole_endings import ends_whole
 from frametwin.progress import Progress, ProgressCallback, report
@@ -126,13 +126,13 @@ class Watch:
         signature, _ = self._seen[folder.name]
         try:
             answer = self._answer_with(folder, batch)
+        except (JobBusy, JobUnwritable) as error:  # it is not for the pictures, which are tried again
+            self._tell(str(error))
+            time.sleep(self.poll)
+            return None
         except (InputError, Held) as error:
             self._refused[folder.name] = (batch, signature)
             self._tell(f"{error} Not printing on.")
-            return None
-        except JobBusy as error:
-            self._tell(str(error))
-            time.sleep(self.poll)
             return None
         self._done.add(folder.name)
         self._tell(f"{folder.name} answers batch {answer['batch']}.")

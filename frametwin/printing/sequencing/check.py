@@ -195,6 +195,11 @@ def on_plate(design: Wireframe, height: ArrayLike, radius: ArrayLike) -> np.ndar
     return result
 
 
+MOST_SLENDER = 5000.0
+"""Length of a strut in its radii beyond which it is no bead that a nozzle lays: a hair is as slender over a quarter of
+a metre."""
+
+
 def require_feet_on_plate(design: Wireframe) -> None:
     """Refuse a design with grounded joints that are in the air: what begins there has nothing to hold on to.
 
@@ -237,6 +242,23 @@ def require_single_struts(design: Wireframe) -> None:
         first, second = min(pairs[within].tolist())
         problem = f"strut {second} lies in strut {first}, between joints at the same places"
         raise InputError.at(design.name, "edges", problem, "let them share their joints, and remove one of the two")
+
+
+def require_printable_radius(design: Wireframe) -> None:
+    """Refuse a design with struts as thin as no bead is, for their length: its radii are in another unit.
+
+    The tool would be looked at every fraction of a radius, without end.
+
+    Raises
+    ------
+    InputError
+        The sentence names the strut.
+    """
+    slender = design.lengths / design.radius
+    strut = int(np.argmax(slender))
+    if slender[strut] > MOST_SLENDER:
+        problem = f"of strut {strut} is {design.radius[strut]:.3g} mm, a {slender[strut]:.0f}th of its length"
+        raise InputError.at(design.name, "radius", problem, "give the radius in the unit of the joints")
 
 
 def _poses_on_struts(places: np.ndarray, curves: np.ndarray, axes: np.ndarray, counts: np.ndarray) -> ToolPoses:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,8 +12,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from frametwin.capture.image_files import write_png
-from frametwin.errors import Held, InputError
-from frametwin.files import PathLike, dump_json, file_hash, read_json, write_json
+from frametwin.errors import FrameTwinError, Held, InputError
+from frametwin.files import PathLike, dump_json, file_hash, read_json, staged_directory, write_json
 from frametwin.formats import frame_json
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.printing.job.answer import ACCEPTABLE, AnswerOptions
@@ -33,6 +34,9 @@ VERSION = 1
 SETTINGS, OUTCOME, TRUTH, STANDING = "simulation.json", "outcome.json", "truth.json", "standing.json"
 """``truth.json`` has the design's struts and joints, those that stand whole being printed; ``standing.json`` has the
 design's struts as a camera sees them, those included that hang free at one end."""
+
+HELD = "held"
+"""Folder in a batch, with the pictures for which the job is held, or that could not be used."""
 
 
 @dataclass(frozen=True)
@@ -268,6 +272,8 @@ def _answer(
     if not (job.settings.adapt or options.fit):
         job.answer(None, answer, progress)
         return
+    kept = job.batch_folder(outcome.batch) / HELD
+    shutil.rmtree(kept, ignore_errors=True)
     with scratch_folder() as scratch:
         capture = scratch / f"batch_{outcome.batch:03d}"
         cameras = options.rig.cameras(job.design)
@@ -276,10 +282,22 @@ def _answer(
             if not options.rig.take(capture, grown.standing(), cameras, seed, renderer, progress, told):
                 raise Held.at(f"batch {outcome.batch}", "pictures", "nothing stands any more", "print it again")
             job.answer(capture, answer, progress)
-        except Held:
+        except Held as error:
             for name, note in notes.items():  # to look at; the batch is not answered
                 write_json(job.batch_folder(outcome.batch) / name, note)
+            _keep(capture, kept, error)
             raise
+        except InputError as error:
+            _keep(capture, kept, error)
+            raise
+
+
+def _keep(capture: Path, folder: Path, error: FrameTwinError) -> None:
+    """Keep pictures that an error is about, which asks to look at them, and name them where they are kept."""
+    if str(capture) in str(error):
+        with staged_directory(folder, overwrite=True) as stage:
+            shutil.copytree(capture, stage, dirs_exist_ok=True)
+        error.rename(str(capture), str(folder))
 
 
 def _notes(grown: GrowingPrint, outcome: BatchOutcome) -> dict[str, dict[str, Any]]:
@@ -303,11 +321,11 @@ def draw_print(path: PathLike, simulated: SimulatedPrint) -> None:
     way = "with" if simulated.job.settings.adapt else "without"
     title = f"{design.name}, printed {way} adaptation: {verdict(simulated)}"
     subtitle = (
-        f"{int(simulated.standing.pictured.printed.sum())} of {design.strut_count} struts stand, {len(lost)} are lost;"
+        f"{int(simulated.standing.pictured.printed.sum())} of {design.strut_count} struts stand, {len(lost)} are lost"
     )
-    subtitle += (
-        f" they are {report.mean_deviation:.2f} mm from the design on average, {report.e_max[-1]:.1f} mm at most"
-    )
+    if not np.isnan(report.mean_deviation):
+        off, most = report.mean_deviation, report.e_max[-1]
+        subtitle += f"; they are {off:.2f} mm from the design on average, {most:.1f} mm at most"
     largest = (
         report.e_max[-1] or None if simulated.job.settings.coupon else None
     )  # a coupon droops further than all else
@@ -318,7 +336,7 @@ def verdict(simulated: SimulatedPrint) -> str:
     """What became of the print, in a few words."""
     report = simulated.report
     if report.completed:
-        return "completed"
+        return "completed" if simulated.held is None else f"all struts stand, held at batch {len(report.e_max) - 1}"
     if report.collapsed_at_batch is not None:
         return f"collapsed at batch {report.collapsed_at_batch}"
     if simulated.held is not None:
