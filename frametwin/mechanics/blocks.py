@@ -13,6 +13,9 @@ block_kernels = KeptLoops("frametwin.mechanics.block_kernels")
 
 BLOCK = 6
 
+FEW = 100_000
+"""Numbers in factors, below which a thread finds them before another one has begun."""
+
 
 @dataclass(frozen=True, eq=False)
 class BlockPattern:
@@ -171,7 +174,7 @@ class Elimination:
         starts, rows = (np.ascontiguousarray(one, dtype=np.int64) for one in (starts, rows))
         count, room = len(starts) - 1, 2 * len(rows) + 64
         order, bounds = np.empty(count, dtype=np.int64), np.empty(count + 1, dtype=np.int64)
-        fronts, sizes = np.empty((count + 1, 3), dtype=np.int64), np.zeros(6, dtype=np.int64)
+        fronts, sizes = np.empty((count + 1, 7), dtype=np.int64), np.zeros(6, dtype=np.int64)
         while True:
             members = np.empty(room, dtype=np.int64)
             block_kernels.analyse(starts, rows, order, fronts, bounds, members, sizes)
@@ -196,7 +199,8 @@ class Elimination:
         data = np.ascontiguousarray(data, dtype=np.float64)
         factors, pivots = np.empty(self.sizes[3]), np.empty(BLOCK * len(self.order))
         good = np.zeros(1, dtype=np.int64)
-        block_kernels.factorise(self.starts, self.rows, data, *self._parts, factors, pivots, good)
+        loop = block_kernels.factorise_alone if self.sizes[3] < FEW else block_kernels.factorise
+        loop(self.starts, self.rows, data, *self._parts, factors, pivots, good)
         if not good[0]:
             raise RuntimeError("Factor is exactly singular")
         return BlockFactor(self, factors, pivots)
