@@ -11,7 +11,7 @@ from frametwin.fitting.elastic import ElasticFrame
 from frametwin.geometry.parametric import named_frame
 from frametwin.mechanics.beams import assemble, factorise
 from frametwin.mechanics.block_kernels import TASKS
-from frametwin.mechanics.blocks import BlockMatrix, BlockPattern, block_kernels
+from frametwin.mechanics.blocks import BlockMatrix, BlockPattern
 
 
 def graph(kind: str) -> tuple[np.ndarray, int]:
@@ -129,14 +129,15 @@ def test_one_thread_finds_the_very_factors_that_several_find(kind: str, pivot: f
     entries = pattern.summed(elements_of(len(edges)))
     entries[pattern.diagonal] += 0.5
     entries[pattern.own[0, 0, 0]] += pivot
-    order, pivots = pattern.elimination, []
-    for loop in (block_kernels.factorise, block_kernels.factorise_alone):
-        found, good = np.zeros(6 * count), np.zeros(1, dtype=np.int64)
-        loop(pattern.starts, pattern.rows, entries, *order._parts, np.empty(order.sizes[3]), found, good)
-        assert good[0] == np.isfinite(pivot)
-        pivots.append(found)
     if np.isfinite(pivot):
-        np.testing.assert_array_equal(*pivots)
+        one, several = (BlockMatrix(pattern, entries).factorise(alone) for alone in (True, False))
+        np.testing.assert_array_equal(one.pivots, several.pivots)
+        right = np.ones(6 * count)
+        np.testing.assert_array_equal(one.solve(right), several.solve(right))
+        return
+    for alone in (True, False):
+        with pytest.raises(RuntimeError, match="singular"):
+            pattern.elimination.factorise(entries, alone)
 
 
 @pytest.mark.parametrize("kind", KINDS)
