@@ -10,6 +10,7 @@ from scipy import sparse
 from frametwin.fitting.elastic import ElasticFrame
 from frametwin.geometry.parametric import named_frame
 from frametwin.mechanics.beams import assemble, factorise
+from frametwin.mechanics.block_kernels import TASKS
 from frametwin.mechanics.blocks import BlockMatrix, BlockPattern
 
 
@@ -118,6 +119,35 @@ def test_solves(kind: str, sides: int | None) -> None:
     found = pattern.elimination.factorise(entries).solve(right)
     assert found.shape == right.shape
     np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("pivot", [0.5, np.nan])
+def test_one_thread_finds_the_very_factors_that_several_find(kind: str, pivot: float) -> None:
+    edges, count = graph(kind)
+    pattern = BlockPattern.of(edges, count)
+    entries = pattern.summed(elements_of(len(edges)))
+    entries[pattern.diagonal] += 0.5
+    entries[pattern.own[0, 0, 0]] += pivot
+    if np.isfinite(pivot):
+        one, several = (BlockMatrix(pattern, entries).factorise(alone) for alone in (True, False))
+        np.testing.assert_array_equal(one.pivots, several.pivots)
+        right = np.ones(6 * count)
+        np.testing.assert_array_equal(one.solve(right), several.solve(right))
+        return
+    for alone in (True, False):
+        with pytest.raises(RuntimeError, match="singular"):
+            pattern.elimination.factorise(entries, alone)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_tasks_share_whole_subtrees_of_fronts(kind: str) -> None:
+    edges, count = graph(kind)
+    order = BlockPattern.of(edges, count).elimination
+    fronts = order.fronts[: order.sizes[0]]
+    for parent, task in fronts[:, [2, 4]]:
+        assert -1 <= task < TASKS
+        assert parent < 0 or order.fronts[parent, 4] in (task, -1)
 
 
 def test_is_as_exact_as_superlu_where_stiffnesses_differ_by_ten_orders() -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
 from strategies import frames, json_values
 
 from frametwin.errors import InputError
@@ -127,6 +129,25 @@ def test_json_that_is_written_reads_back_as_it_was(data: dict[str, Any]) -> None
     text = dump_json(data)
     assert json.loads(text) == data
     assert parse_json(text, "a.json") == data
+
+
+SIZES = st.lists(st.integers(0, 3), min_size=1, max_size=4).map(tuple)
+
+
+@given(
+    st.one_of(
+        npst.arrays(np.float64, SIZES, elements=st.floats(allow_nan=False, allow_infinity=False)),
+        npst.arrays(st.sampled_from([np.int64, np.bool_, np.uint8, "U3"]), SIZES),
+    )
+)
+def test_arrays_are_written_as_lists_are(array: np.ndarray) -> None:
+    inside = {"a": array, "b": {"c": array}}
+    assert dump_json(inside) == dump_json({"a": array.tolist(), "b": {"c": array.tolist()}})
+
+
+def test_no_array_hides_a_number_that_cannot_be_written() -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        dump_json({"a": np.array([[1.0, np.nan]])})
 
 
 @given(frames(), st.sampled_from((*ARRAYS, "format", "version", "name")), json_values())

@@ -22,6 +22,7 @@ from frametwin.fitting.motion import (
     smooth_descent,
     start_pose,
     strain,
+    without_inner,
 )
 from frametwin.geometry.wireframe import Wireframe
 from frametwin.mechanics.beams import solve_clamped
@@ -191,6 +192,31 @@ def test_the_system_of_the_joints_is_that_of_the_struts_that_follow() -> None:
     wanted, slope = dense_model(elastic, terms)
     np.testing.assert_allclose(matrix.toarray(), wanted[:joints, :joints], atol=1e-8)
     np.testing.assert_allclose(gradient, slope[:joints], atol=1e-9)
+
+
+def test_what_is_eliminated_follows_as_plain_matrices_have_it() -> None:
+    rng, elastic = np.random.default_rng(8), ElasticFrame(FRAMES["curved"])
+    struts, joints = len(elastic.edges), elastic.vertex_count
+    root, zeros = rng.normal(size=(struts, 12, 9)), np.zeros((joints, 3, 3))
+    gradient, bent, away = rng.normal(size=(struts, 12)), rng.normal(size=(struts, 6)), rng.normal(size=(joints, 6))
+    terms = Terms(0.0, root @ root.transpose(0, 2, 1), gradient, zeros, zeros[..., 0], zeros, zeros)
+    anchor = start_pose(elastic)
+    found = without_inner(elastic, terms, (anchor.moved(away, bent), anchor), (0.2, 0.5))
+    slope = np.zeros(6 * joints)
+    for e in range(struts):
+        follow, ends = elastic.follow[e], elastic.freedoms[e]
+        mixed = terms.hessian[e][3:9] @ follow
+        inner = terms.hessian[e][3:9, 3:9] + 0.7 * elastic.inner_stiffness[e]
+        own = gradient[e, 3:9] + 0.2 * elastic.inner_stiffness[e] @ bent[e]
+        np.testing.assert_allclose(found.inverse[e] @ inner, np.eye(6), atol=1e-9)
+        np.testing.assert_allclose(found.follows[e], np.linalg.solve(inner, mixed), atol=1e-9)
+        np.testing.assert_allclose(found.goes[e], np.linalg.solve(inner, own), atol=1e-9)
+        stiffness = elastic.stiffness[e] + elastic.spin_stiffness[e]
+        slope[ends] += follow.T @ gradient[e] + 0.2 * stiffness @ away.ravel()[ends]
+        slope[ends] -= mixed.T @ np.linalg.solve(inner, own)
+    held = GROUND * 0.7 * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
+    slope.reshape(-1, 6)[:, :3] += held * away[:, :3] * (0.2 / 0.7)
+    np.testing.assert_allclose(found.slope, slope, rtol=1e-9, atol=1e-8 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize(("pull", "drag"), [(0.3, 0.0), (0.05, 0.4)])

@@ -18,7 +18,7 @@ from frametwin.fitting.camera_freedoms import (
 )
 from frametwin.fitting.elastic import INNER, ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
-from frametwin.fitting.motion import GROUND, Pose, as_rods, joint_system
+from frametwin.fitting.motion import Pose, as_rods, joint_system, without_inner
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Terms, ViewTerms
@@ -132,48 +132,28 @@ def reduced_system(
     ``poses`` are the present one and the anchor, ``known`` the cameras' freedoms (N, 10) and their prior, ``weights``
     the pull and the drag of the elastic energy.
     """
-    pose, anchor = poses
     freedoms, prior = known
-    pull, drag = weights
-    follow = elastic.follow
-    turned = follow.transpose(0, 2, 1)
     count, size = len(elastic.edges), cams.matrix.shape[0] * FREEDOMS
-    away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
-    bent = pose.inner - anchor.inner
-    stiffness = elastic.stiffness + elastic.spin_stiffness
     struts = cams.struts.reshape(count, 12, size)
-    outer = np.matmul(turned, np.matmul(terms.hessian, follow)) + (pull + drag) * stiffness
-    mixed = np.matmul(turned, terms.hessian[:, :, INNER])
-    inner = terms.hessian[:, INNER, INNER] + (pull + drag) * elastic.inner_stiffness
-    slope = np.matmul(turned, terms.gradient[:, :, None]) + pull * np.matmul(stiffness, away[:, :, None])
-    inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
+    frame = without_inner(elastic, terms, poses, weights)
     inner_coupled = np.ascontiguousarray(struts[:, INNER])
-    inverse = np.linalg.inv(inner)  # of six by six, which takes less time than solutions for each camera's freedoms
-    across = np.matmul(mixed, inverse)
-    by_joints, by_slope = across.transpose(0, 2, 1), np.matmul(inverse, inner_slope)
-    by_cameras = np.matmul(inverse, inner_coupled)
-    outer -= np.matmul(mixed, by_joints)
-    slope -= np.matmul(mixed, by_slope)
-    remaining = np.array(turned)
-    remaining[:, :, INNER] -= across
+    by_cameras = np.matmul(frame.inverse, inner_coupled)
+    remaining = np.array(elastic.follow.transpose(0, 2, 1))
+    remaining[:, :, INNER] -= frame.follows.transpose(0, 2, 1)
     coupled = np.matmul(remaining, struts)
     flat = inner_coupled.reshape(-1, size).T
     own = _camera_matrix(cams, prior) - flat @ by_cameras.reshape(-1, size)
-    own_slope = (cams.gradient + prior.pull(freedoms)).ravel() - flat @ by_slope.ravel()
-    held = GROUND * (pull + drag) * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
-    matrix = elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3))
-    shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
-    right = elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
+    own_slope = (cams.gradient + prior.pull(freedoms)).ravel() - flat @ frame.goes.ravel()
     border = joined_rows(elastic, coupled, cams)
-    both = elastic.anchored(matrix).factorise().solve(np.column_stack([right, border]))
+    both = elastic.anchored(frame.matrix).factorise().solve(np.column_stack([frame.slope, border]))
     joints, by_border = both[:, 0], both[:, 1:]
     return Reduced(
         matrix=own - border.T @ by_border,
         slope=own_slope - border.T @ joints,
         joints=joints,
         coupling=by_border,
-        inner=by_slope[:, :, 0],
-        inner_joints=by_joints,
+        inner=frame.goes,
+        inner_joints=frame.follows,
         inner_cameras=by_cameras,
     )
 

@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frametwin.fitting.elastic import INNER, ElasticFrame
+from frametwin.compiled.kept_loops import KeptLoops
+from frametwin.fitting.elastic import ElasticFrame
 from frametwin.fitting.fast_settings import CoarseStage
 from frametwin.mechanics.blocks import BlockMatrix
 from frametwin.raster import rods
 from frametwin.raster.pyramid import Level
 from frametwin.raster.rods import Rods, Terms
+
+step_kernels = KeptLoops("frametwin.fitting.step_kernels")
 
 GROUND = 300.0
 """Stiffness by which a grounded joint sticks to the plate, relative to the median strut's sideways one: enough to
@@ -74,10 +77,8 @@ def as_rods(elastic: ElasticFrame, pose: Pose, pieces: int) -> Rods:
 
 def joint_system(elastic: ElasticFrame, terms: Terms) -> tuple[BlockMatrix, np.ndarray]:
     """Matrix (6V, 6V) and gradient (6V,) of the loss by the joints' freedoms, struts following."""
-    follow = elastic.follow
-    turned = follow.transpose(0, 2, 1)
-    blocks = np.matmul(turned, np.matmul(terms.hessian, follow))
-    gradient = np.matmul(turned, terms.gradient[:, :, None])[:, :, 0]
+    blocks, gradient = np.empty(elastic.follow.shape), np.empty(terms.gradient.shape)
+    step_kernels.by_ends(elastic.follow, terms.hessian, terms.gradient, blocks, gradient)
     return (
         elastic.assemble(blocks, terms.joint_hessian),
         elastic.assemble_vector(gradient, terms.joint_gradient),
@@ -153,41 +154,77 @@ def free_step(
     -------
     (V, 6) and (E, 6).
     """
-    follow = elastic.follow
-    turned = follow.transpose(0, 2, 1)
-    away = (pose.joints - anchor.joints).ravel()[elastic.freedoms]
-    bent = pose.inner - anchor.inner
-    slope = np.matmul(turned, terms.gradient[:, :, None])
-    slope += pull * np.matmul(elastic.stiffness + elastic.spin_stiffness, away[:, :, None])
-    inner_slope = terms.gradient[:, INNER, None] + pull * np.matmul(elastic.inner_stiffness, bent[:, :, None])
-    matrix, inner, follows, held = _without_inner(elastic, terms, pull + drag)
-    slope -= np.matmul(follows.transpose(0, 2, 1), inner_slope)
-    shifted = held * (pose.joints - anchor.joints)[:, :3] * (pull / max(pull + drag, 1e-30))
-    right = -elastic.assemble_vector(slope[:, :, 0], terms.joint_gradient + shifted)
-    joints = elastic.solve(matrix, right)
-    own = -np.linalg.solve(inner, inner_slope) - np.matmul(follows, joints[elastic.freedoms][:, :, None])
-    return joints.reshape(-1, 6), own[:, :, 0]
+    system = without_inner(elastic, terms, (pose, anchor), (pull, drag))
+    joints = -elastic.solve(system.matrix, system.slope)
+    own = -system.goes - np.matmul(system.follows, joints[elastic.freedoms][:, :, None])[:, :, 0]
+    return joints.reshape(-1, 6), own
 
 
-def _without_inner(
-    elastic: ElasticFrame, terms: Terms, weight: float
-) -> tuple[BlockMatrix, np.ndarray, np.ndarray, np.ndarray]:
+@dataclass(frozen=True, eq=False)
+class WithoutInner:
     """The system of pictures and elastic energy with the struts' own freedoms eliminated.
 
-    Returns
-    -------
-    (6V, 6V) over the joints' freedoms; (E, 6, 6) over those that were eliminated, and (E, 6, 12) how they follow the
-    joints' when nothing pulls at them, with the sign turned; (V, 1) how feet are held.
+    Attributes
+    ----------
+    matrix, slope : (6V, 6V) and (6V,) over the joints' freedoms.
+    inverse : (E, 6, 6) of the matrices of what was eliminated.
+    follows, goes : (E, 6, 12) and (E, 6)
+        With the sign turned, how the struts' own follow the joints', and how they go besides.
     """
-    turned = elastic.follow.transpose(0, 2, 1)
-    outer = np.matmul(turned, np.matmul(terms.hessian, elastic.follow))
-    outer += weight * (elastic.stiffness + elastic.spin_stiffness)
-    mixed = np.matmul(turned, terms.hessian[:, :, INNER])
-    inner = terms.hessian[:, INNER, INNER] + weight * elastic.inner_stiffness
-    follows = np.linalg.solve(inner, mixed.transpose(0, 2, 1))
-    outer -= np.matmul(mixed, follows)
+
+    matrix: BlockMatrix
+    slope: np.ndarray
+    inverse: np.ndarray
+    follows: np.ndarray
+    goes: np.ndarray
+
+
+def without_inner(
+    elastic: ElasticFrame, terms: Terms, poses: tuple[Pose, Pose], weights: tuple[float, float]
+) -> WithoutInner:
+    """Eliminate the struts' own freedoms from the system of `free_step`.
+
+    Parameters
+    ----------
+    elastic, terms
+        The frame, and what the pictures say of it.
+    poses
+        The present one and the anchor.
+    weights
+        The pull and the drag.
+    """
+    pose, anchor = poses
+    pull, weight = weights[0], weights[0] + weights[1]
+    count, away = len(elastic.edges), pose.joints - anchor.joints
+    outer, slope, inverse, follows, goes = (
+        np.empty((count, *shape)) for shape in ((12, 12), (12,), (6, 6), (6, 12), (6,))
+    )
+    step_kernels.without_inner(
+        elastic.follow,
+        terms.hessian,
+        terms.gradient,
+        elastic.stiffness,
+        elastic.spin_stiffness,
+        elastic.inner_stiffness,
+        elastic.freedoms,
+        away.ravel(),
+        pose.inner - anchor.inner,
+        np.array([pull, weight]),
+        outer,
+        slope,
+        inverse,
+        follows,
+        goes,
+    )
     held = GROUND * weight * elastic.frame.grounded[:, None] / np.median(elastic.frame.radius) ** 2
-    return elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3)), inner, follows, held
+    shifted = held * away[:, :3] * (pull / max(weight, 1e-30))
+    return WithoutInner(
+        elastic.assemble(outer, terms.joint_hessian + held[:, :, None] * np.eye(3)),
+        elastic.assemble_vector(slope, terms.joint_gradient + shifted),
+        inverse,
+        follows,
+        goes,
+    )
 
 
 def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs: np.ndarray) -> np.ndarray:
@@ -208,8 +245,9 @@ def covariance_between(elastic: ElasticFrame, terms: Terms, weight: float, pairs
         The inverse of it takes the shift from one joint to the other to twice the rise of the loss that moving them
         together costs when all else follows.
     """
-    matrix, *_ = _without_inner(elastic, terms, weight)
-    factor = elastic.anchored(matrix).factorise()
+    planned = start_pose(elastic)  # from where it is measured does not matter to the matrix
+    system = without_inner(elastic, terms, (planned, planned), (0.0, weight))
+    factor = elastic.anchored(system.matrix).factorise()
     result = np.empty((len(pairs), 3, 3))
     for begin in range(0, len(pairs), TOGETHER):
         some = pairs[begin : begin + TOGETHER]

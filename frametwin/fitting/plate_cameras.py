@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from frametwin.calibration.boards import Board, corner_points, parse_board
-from frametwin.calibration.detection import Look, find_corners
 from frametwin.cameras import Camera
 from frametwin.cameras.plate import Plate
 from frametwin.capture.capture import Capture, View
@@ -35,6 +33,9 @@ from frametwin.imaging.masks import decode, undistort
 from frametwin.progress import Progress, ProgressCallback, report
 from frametwin.twin.twin import Twin
 from frametwin.twin.verdict import DOUBTFUL, GOOD, Verdict
+
+if TYPE_CHECKING:
+    from frametwin.calibration.boards import Board
 
 CORNER = 0.2
 """Standard deviation in px of a corner of a marker, with what a printed sheet is not flat."""
@@ -185,6 +186,8 @@ def through_plate(capture: Capture, errors: RigErrors, progress: ProgressCallbac
     plate = capture.plate
     if plate is None:
         return Placed(capture, capture, tuple(None for _ in capture.views), errors)
+    from frametwin.calibration.boards import parse_board  # which few captures need
+
     board = parse_board(plate.board, f"{capture.root}: plate")
     views, found = [], []
     with ThreadPoolExecutor(_WORKERS) as pool:
@@ -198,6 +201,9 @@ def through_plate(capture: Capture, errors: RigErrors, progress: ProgressCallbac
 
 
 def _of_view(view: View, board: Board, plate: Plate, errors: RigErrors) -> Resected | None:
+    from frametwin.calibration.boards import corner_points
+    from frametwin.calibration.detection import Look, find_corners
+
     image = undistort(decode(view.image, view.camera), view.camera)
     grey = np.asarray(image if image.ndim == 2 else image.mean(axis=2).round(), dtype=np.uint8)
     corners, pixels = find_corners(grey, board, Look())

@@ -2,7 +2,9 @@
 
 A frame's matrices have one and the same pattern all through a fit, and it is that of its struts. So the order in which
 joints are eliminated is found once, on a graph that is 36 times as small as the matrix; and what is eliminated together
-is worked on as one dense front, by loops that run in vector registers.
+is worked on as one dense front, by loops that run in vector registers. Subtrees of fronts that have nothing to do with
+each other are worked on by threads, always the same ones together and in one order, so that results do not depend on
+how many threads there are.
 
 References
 ----------
@@ -29,6 +31,15 @@ HELPER: Any = {"cache": True, "fastmath": ANY_ORDER, "error_model": "numpy", "_n
 
 B = 6
 """Rows of a block."""
+
+TASKS = 2
+"""Parts that threads share. With more of them, more is left for after them than is gained."""
+
+OPENED = 40
+"""Ways to divide the fronts that are tried, less one front at a time from the root down."""
+
+CHILDREN, PARENT, SUBTREE, TASK, WAITING, FACTORS = 1, 2, 3, 4, 5, 6
+"""Columns of what is known of a front; see `analyse`."""
 
 U = np.uint64  # an index without a sign is not looked at for counting from the end
 
@@ -133,10 +144,12 @@ def analyse(starts, rows, order, fronts, bounds, members, sizes):
     """In which order joints are eliminated, and in which fronts.
 
     starts (V+1,) and rows (M,) tell which blocks there are in each column, those of both triangles. Out: order (V,) of
-    the joints; of each front fronts (V+1, 3) its first joint in that order, how many children it has and its parent or
-    -1; bounds (V+1,) where its members begin, the joints that its own are coupled to; and sizes (6,): how many fronts
-    there are, how many members, rows of the largest front, numbers in all factors, the most that wait for a parent, and
-    in the largest matrix that does. Where there is no room for the members, there are no fronts.
+    the joints; of each front fronts (V+1, 7) its first joint in that order, how many children it has, its parent or -1,
+    the first front of the subtree below it, which of the `TASKS` it belongs to or -1 for what comes after them, where
+    what is left of it waits for its parent, and where its factors begin; bounds (V+1,) where its members begin, the
+    joints that its own are coupled to; and sizes (6,): how many fronts there are, how many members, rows of the largest
+    front, numbers in all factors, room for what waits, and rows of the largest front of a task. Where there is no room
+    for the members, there are no fronts.
     """
     count = len(starts) - 1
     room = len(members)
@@ -183,10 +196,10 @@ def analyse(starts, rows, order, fronts, bounds, members, sizes):
         before = order[k - 1]
         if k == 0 or parent[before] != i or degrees[before] != degrees[i] + 1:
             number += 1
-            fronts[number, 0], fronts[number, 1], fronts[number, 2] = k, 0, -1
+            fronts[number, 0], fronts[number, CHILDREN], fronts[number, PARENT] = k, 0, -1
         of[k] = number
     fronts[number + 1, 0] = count
-    largest, most, waiting, biggest = 0, 0, 0, 0
+    largest = 0
     for f in range(number + 1):
         last = order[fronts[f + 1, 0] - 1]
         bounds[f] = used
@@ -200,24 +213,107 @@ def analyse(starts, rows, order, fronts, bounds, members, sizes):
                 at -= 1
             members[at] = k
         if used > bounds[f]:
-            fronts[f, 2] = of[members[bounds[f]]]
-            fronts[fronts[f, 2], 1] += 1
+            fronts[f, PARENT] = of[members[bounds[f]]]
+            fronts[fronts[f, PARENT], CHILDREN] += 1
         wide, high = fronts[f + 1, 0] - fronts[f, 0], used - bounds[f]
         largest = max(largest, B * (wide + high))
+        fronts[f, FACTORS] = total
         total += B * wide * B * (wide + high)
     bounds[number + 1] = used
-    held = np.empty(number + 1, dtype=np.int64)
-    deep = 0
-    for f in range(number + 1):
-        for _ in range(fronts[f, 1]):
-            deep -= 1
-            waiting -= held[deep]
-        size = (B * (bounds[f + 1] - bounds[f])) ** 2
-        held[deep] = size
-        deep += 1
-        waiting += size
-        most, biggest = max(most, waiting), max(biggest, size)
-    sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5] = number + 1, used, largest, total, most, biggest
+    work = np.empty(number + 1)
+    heads, loads = np.empty(number + 1, dtype=np.int64), np.empty(TASKS)
+    _weigh(fronts, bounds, number + 1, work)
+    best, opened = np.inf, 0
+    for tried in range(OPENED):
+        longest = _share(fronts, number + 1, work, heads, loads, tried)
+        if longest < best:
+            best, opened = longest, tried
+    _share(fronts, number + 1, work, heads, loads, opened)
+    waiting, most = _place_waiting(fronts, bounds, number + 1)
+    sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5] = number + 1, used, largest, total, waiting, most
+
+
+@nb.njit(**HELPER)
+def _weigh(fronts, bounds, number, work):
+    """Find the subtree below each front, and the work (number,) that it is."""
+    for f in range(number):
+        work[f], fronts[f, SUBTREE] = 0.0, f
+    for f in range(number):  # children before their parents
+        wide, high, parent = fronts[f + 1, 0] - fronts[f, 0], bounds[f + 1] - bounds[f], fronts[f, PARENT]
+        work[f] += float(wide) * float(wide * wide + 3 * wide * high + 3 * high * high)
+        if parent >= 0:
+            work[parent] += work[f]
+            fronts[parent, SUBTREE] = min(fronts[parent, SUBTREE], fronts[f, SUBTREE])
+
+
+@nb.njit(**HELPER)
+def _share(fronts, number, work, heads, loads, opened):
+    """Give all subtrees to tasks, the heaviest first, each to the task that has least to do; and before that, open the
+    heaviest so many times: its root comes after all tasks, and what is below it is given away by itself.
+
+    heads (number,) and loads (TASKS,) are room. Gives the work from the first front to the last when each task has a
+    thread.
+    """
+    last, count, whole = 0.0, 0, -1
+    for f in range(number):
+        fronts[f, TASK] = -1
+        if fronts[f, PARENT] < 0:
+            heads[count] = f
+            count += 1
+    for task in range(TASKS):
+        loads[task] = 0.0
+    while count > 0:
+        heaviest, whole = 0, whole + 1
+        for n in range(1, count):
+            if work[heads[n]] > work[heads[heaviest]]:
+                heaviest = n
+        head = heads[heaviest]
+        count -= 1
+        heads[heaviest] = heads[count]
+        if whole < opened:
+            last += work[head]
+            child = head - 1
+            for _ in range(fronts[head, CHILDREN]):
+                last -= work[child]
+                heads[count] = child
+                count += 1
+                child = fronts[child, SUBTREE] - 1
+        else:
+            task = 0
+            for n in range(1, TASKS):
+                if loads[n] < loads[task]:
+                    task = n
+            loads[task] += work[head]
+            for f in range(fronts[head, SUBTREE], head + 1):
+                fronts[f, TASK] = task
+    longest = 0.0
+    for task in range(TASKS):
+        longest = max(longest, loads[task])
+    return last + longest
+
+
+@nb.njit(**HELPER)
+def _place_waiting(fronts, bounds, number):
+    """Tell where what is left of each front waits for its parent: of a task's ones over what has been taken from there.
+    Gives the room that it takes, and rows of the largest front of a task."""
+    room, most = 0, 0
+    for task in range(TASKS):
+        top = room
+        for f in range(number):
+            if fronts[f, TASK] == task:
+                child = f - 1
+                for _ in range(fronts[f, CHILDREN]):
+                    top = fronts[child, WAITING]
+                    child = fronts[child, SUBTREE] - 1
+                fronts[f, WAITING] = top
+                high = B * (bounds[f + 1] - bounds[f])
+                top += high * high
+                room, most = max(room, top), max(most, B * (fronts[f + 1, 0] - fronts[f, 0]) + high)
+    for f in range(number):
+        if fronts[f, TASK] < 0:
+            fronts[f, WAITING] = room
+            room += (B * (bounds[f + 1] - bounds[f])) ** 2
+    return room, most
 
 
 @nb.njit(**HELPER)
@@ -258,62 +354,183 @@ def _factor_front(front, size, own, turned, pivots, first):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(**HELPER)
+def _eliminate_front(
+    f, starts, rows, data, order, place, fronts, bounds, members, front, turned, local, waiting, factors, pivots
+):
+    """Factors of a front whose children are done. False where a pivot is 0 or no number.
+
+    front, turned and local (V,) are room for what is worked on, a panel of it, and where joints are in it.
+    """
+    first, after = fronts[f, 0], fronts[f + 1, 0]
+    wide, high = after - first, bounds[f + 1] - bounds[f]
+    size, own = B * (wide + high), B * wide
+    for k in range(U(size * size)):
+        front[k] = 0.0
+    for k in range(first, after):
+        local[k] = B * (k - first)
+    for m in range(high):
+        local[members[bounds[f] + m]] = own + B * m
+    for k in range(first, after):
+        i = order[k]
+        column, tall = local[k], B * (starts[i + 1] - starts[i])
+        for b in range(starts[i], starts[i + 1]):
+            other = place[rows[b]]
+            if other < k:
+                continue
+            row, source = local[other], B * B * starts[i] + B * (b - starts[i])
+            for c in range(B):
+                for r in range(B):
+                    front[(row + r) * size + column + c] = data[source + c * tall + r]
+    child = f - 1
+    for _ in range(fronts[f, CHILDREN]):
+        begin, length = bounds[child], bounds[child + 1] - bounds[child]
+        _extend_front(front, size, waiting, fronts[child, WAITING], members, begin, length, local)
+        child = fronts[child, SUBTREE] - 1
+    if not _factor_front(front, size, own, turned, pivots, B * first):
+        return False
+    at, top = fronts[f, FACTORS], fronts[f, WAITING]
+    for r in range(size):
+        for c in range(own):
+            factors[at + r * own + c] = front[r * size + c]
+    for r in range(own, size):
+        to = top + (r - own) * B * high
+        for c in range(own, r + 1):
+            waiting[to + c - own] = front[r * size + c]
+    return True
+
+
+@nb.njit(**HELPER)
+def _eliminate_task(
+    task,
+    starts,
+    rows,
+    data,
+    order,
+    place,
+    fronts,
+    bounds,
+    members,
+    sizes,
+    front,
+    turned,
+    local,
+    waiting,
+    factors,
+    pivots,
+):
+    """Factors of the fronts of one task, whose children are done or among them. False as of `_eliminate_front`."""
+    for f in range(sizes[0]):
+        if fronts[f, TASK] == task and not _eliminate_front(
+            f,
+            starts,
+            rows,
+            data,
+            order,
+            place,
+            fronts,
+            bounds,
+            members,
+            front,
+            turned,
+            local,
+            waiting,
+            factors,
+            pivots,
+        ):
+            return False
+    return True
+
+
+@nb.njit(parallel=True, cache=True, error_model="numpy")
 def factorise(starts, rows, data, order, fronts, bounds, members, sizes, factors, pivots, good):
     """Factors of a matrix: factors, front by front (rows, own columns), and pivots (6V,), in the joints' order.
 
     data has the blocks' columns one after the other, each through all of its blocks; of each pair of blocks on both
     sides of the diagonal one is looked at. good (1,) is 0 where a pivot is 0 or no number, else 1.
     """
-    count, number = len(order), sizes[0]
-    place, local = np.empty(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    count = len(order)
+    place, fine, waiting = np.empty(count, dtype=np.int64), np.empty(TASKS, dtype=np.int64), np.empty(sizes[4])
+    for k in range(count):
+        place[order[k]] = k
+    for task in nb.prange(TASKS):
+        front, turned = np.empty(sizes[5] * sizes[5]), np.empty(B * sizes[5])
+        local = np.empty(count, dtype=np.int64)
+        done = _eliminate_task(
+            task,
+            starts,
+            rows,
+            data,
+            order,
+            place,
+            fronts,
+            bounds,
+            members,
+            sizes,
+            front,
+            turned,
+            local,
+            waiting,
+            factors,
+            pivots,
+        )
+        fine[task] = 1 if done else 0
+    good[0] = 0
+    for task in range(TASKS):
+        if fine[task] == 0:
+            return
+    last, wide, where = np.empty(sizes[2] * sizes[2]), np.empty(B * sizes[2]), np.empty(count, dtype=np.int64)
+    if _eliminate_task(
+        -1,
+        starts,
+        rows,
+        data,
+        order,
+        place,
+        fronts,
+        bounds,
+        members,
+        sizes,
+        last,
+        wide,
+        where,
+        waiting,
+        factors,
+        pivots,
+    ):
+        good[0] = 1
+
+
+@nb.njit(cache=True, error_model="numpy")
+def factorise_alone(starts, rows, data, order, fronts, bounds, members, sizes, factors, pivots, good):
+    """As `factorise`, in one thread."""
+    count = len(order)
+    place, local, waiting = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64), np.empty(sizes[4])
     for k in range(count):
         place[order[k]] = k
     front, turned = np.empty(sizes[2] * sizes[2]), np.empty(B * sizes[2])
-    waiting, held = np.empty(sizes[4] + sizes[5]), np.empty(number, dtype=np.int64)
-    top, deep, at = 0, 0, 0
-    good[0] = 0
-    for f in range(number):
-        first, after = fronts[f, 0], fronts[f + 1, 0]
-        wide, high = after - first, bounds[f + 1] - bounds[f]
-        size, own = B * (wide + high), B * wide
-        for k in range(U(size * size)):
-            front[k] = 0.0
-        for k in range(first, after):
-            local[k] = B * (k - first)
-        for m in range(high):
-            local[members[bounds[f] + m]] = own + B * m
-        for k in range(first, after):
-            i = order[k]
-            column, tall = local[k], B * (starts[i + 1] - starts[i])
-            for b in range(starts[i], starts[i + 1]):
-                other = place[rows[b]]
-                if other < k:
-                    continue
-                row, source = local[other], B * B * starts[i] + B * (b - starts[i])
-                for c in range(B):
-                    for r in range(B):
-                        front[(row + r) * size + column + c] = data[source + c * tall + r]
-        for _ in range(fronts[f, 1]):
-            deep -= 1
-            child = held[deep]
-            begin, length = bounds[child], bounds[child + 1] - bounds[child]
-            top -= B * B * length * length
-            _extend_front(front, size, waiting, top, members, begin, length, local)
-        if not _factor_front(front, size, own, turned, pivots, B * first):
-            return
-        for r in range(size):
-            for c in range(own):
-                factors[at + r * own + c] = front[r * size + c]
-        at += size * own
-        for r in range(own, size):
-            to = top + (r - own) * B * high
-            for c in range(own, r + 1):
-                waiting[to + c - own] = front[r * size + c]
-        top += B * B * high * high
-        held[deep] = f
-        deep += 1
     good[0] = 1
+    for n in range(TASKS + 1):
+        task = n if n < TASKS else -1
+        if good[0] == 1 and not _eliminate_task(
+            task,
+            starts,
+            rows,
+            data,
+            order,
+            place,
+            fronts,
+            bounds,
+            members,
+            sizes,
+            front,
+            turned,
+            local,
+            waiting,
+            factors,
+            pivots,
+        ):
+            good[0] = 0
 
 
 @nb.njit(**HELPER)

@@ -13,6 +13,9 @@ block_kernels = KeptLoops("frametwin.mechanics.block_kernels")
 
 BLOCK = 6
 
+FEW = 500_000
+"""Numbers in factors, below which threads would wait for each other longer than they save."""
+
 
 @dataclass(frozen=True, eq=False)
 class BlockPattern:
@@ -124,9 +127,9 @@ class BlockMatrix:
         entries[self.pattern.diagonal] += values
         return BlockMatrix(self.pattern, entries)
 
-    def factorise(self) -> BlockFactor:
+    def factorise(self, alone: bool | None = None) -> BlockFactor:
         """See `Elimination.factorise`."""
-        return self.pattern.elimination.factorise(self.entries)
+        return self.pattern.elimination.factorise(self.entries, alone)
 
     def toarray(self) -> np.ndarray:
         """All of it, what is zero too."""
@@ -171,7 +174,7 @@ class Elimination:
         starts, rows = (np.ascontiguousarray(one, dtype=np.int64) for one in (starts, rows))
         count, room = len(starts) - 1, 2 * len(rows) + 64
         order, bounds = np.empty(count, dtype=np.int64), np.empty(count + 1, dtype=np.int64)
-        fronts, sizes = np.empty((count + 1, 3), dtype=np.int64), np.zeros(6, dtype=np.int64)
+        fronts, sizes = np.empty((count + 1, 7), dtype=np.int64), np.zeros(6, dtype=np.int64)
         while True:
             members = np.empty(room, dtype=np.int64)
             block_kernels.analyse(starts, rows, order, fronts, bounds, members, sizes)
@@ -179,7 +182,7 @@ class Elimination:
                 return cls(starts, rows, order, fronts, bounds, members, sizes)
             room *= 2
 
-    def factorise(self, data: np.ndarray) -> BlockFactor:
+    def factorise(self, data: np.ndarray, alone: bool | None = None) -> BlockFactor:
         """Factors L D L^T of a matrix of this pattern, without pivoting: it shall be positive definite.
 
         Parameters
@@ -187,6 +190,8 @@ class Elimination:
         data : (36 M,) array
             Column by column, each through the rows of all of its blocks, as in a sparse matrix by columns. Of each pair
             of entries on both sides of the diagonal one alone is looked at.
+        alone : bool, optional
+            Whether one thread finds them, by default where they are few; they are the same.
 
         Raises
         ------
@@ -196,7 +201,9 @@ class Elimination:
         data = np.ascontiguousarray(data, dtype=np.float64)
         factors, pivots = np.empty(self.sizes[3]), np.empty(BLOCK * len(self.order))
         good = np.zeros(1, dtype=np.int64)
-        block_kernels.factorise(self.starts, self.rows, data, *self._parts, factors, pivots, good)
+        alone = bool(self.sizes[3] < FEW) if alone is None else alone
+        loop = block_kernels.factorise_alone if alone else block_kernels.factorise
+        loop(self.starts, self.rows, data, *self._parts, factors, pivots, good)
         if not good[0]:
             raise RuntimeError("Factor is exactly singular")
         return BlockFactor(self, factors, pivots)

@@ -45,13 +45,15 @@ class Rods:
 
     def points(self) -> np.ndarray:
         """(E, P+1, 3) of the polylines."""
-        return np.matmul(basis(self.pieces), self.control_points)
+        flat = self.control_points.reshape(-1, 12) @ _flat_basis(self.pieces)
+        return np.asarray(flat.reshape(-1, self.pieces + 1, 3))
 
     def joint_radius(self) -> np.ndarray:
         """(V,) mm: the joint's size times the largest radius of the pieces that end there; 0 where all are missing."""
-        ends = np.where(self.opacity[:, [0, -1]] > 0.5, self.radius[:, [0, -1]], 0.0)
         result = np.zeros(len(self.joints))
-        np.maximum.at(result, self.edges, ends)
+        for side, piece in ((0, 0), (1, -1)):
+            there = np.where(self.opacity[:, piece] > 0.5, self.radius[:, piece], 0.0)
+            np.maximum.at(result, self.edges[:, side], there)
         return result if self.joint_size is None else result * self.joint_size
 
 
@@ -133,6 +135,13 @@ def basis(pieces: int) -> np.ndarray:
     wanted = bezier.bernstein(3, u) - hats[:, [0, -1]] @ result[[0, -1]]
     result[1:-1] = np.linalg.solve(weighted.T @ hats[:, 1:-1], weighted.T @ wanted)
     return result
+
+
+@lru_cache(maxsize=64)
+def _flat_basis(pieces: int) -> np.ndarray:
+    """(12, 3P+3) array by which a strut's coordinates, in a row, give those of its polyline: one product for all struts
+    takes a fourth of the time of one for each."""
+    return np.ascontiguousarray(np.kron(basis(pieces), np.eye(3)).T)
 
 
 KEPT = 12_000_000

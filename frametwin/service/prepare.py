@@ -12,6 +12,7 @@ from frametwin.cameras.rigs import ring_rig
 from frametwin.fitting import presence
 from frametwin.fitting.camera_freedoms import camera_terms, coupling_to_freedoms
 from frametwin.fitting.elastic import ElasticFrame
+from frametwin.fitting.motion import free_step, joint_system, start_pose
 from frametwin.geometry.parametric import half_bowl
 from frametwin.printing.adaptation.material_fit import MaterialFit
 from frametwin.printing.adaptation.rest_of_print import remaining_movement, steps_of
@@ -80,9 +81,16 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
     def factors() -> None:
         elastic = ElasticFrame(frame)
         matrix, right = elastic.assemble(elastic.stiffness), np.zeros((6 * frame.vertex_count, 2))
-        elastic.solve(matrix, right)
+        for alone in (True, False):
+            elastic.anchored(matrix).factorise(alone).solve(right)
         for precision in (np.float32, np.float64):
             matrix @ right.astype(precision)
+
+    def steps() -> None:
+        elastic, terms = ElasticFrame(frame), rods.gauss_newton(drawn, level)
+        joint_system(elastic, terms)
+        pose = start_pose(elastic)
+        free_step(elastic, terms, pose, pose, 0.1, 0.1)
 
     def moving_cameras() -> None:
         terms = camera_terms(drawn, rods.gauss_newton_by_view(drawn, level), level.cameras, np.ones(len(cameras)))
@@ -100,7 +108,7 @@ def _steps() -> list[tuple[str, Callable[[], object]]]:
     return [
         ("silhouettes", lambda: silhouettes(frame, cameras)),
         ("pictures of rods", lambda: rods.transmittance(drawn, level)),
-        ("steps of the fit", lambda: rods.gauss_newton(drawn, level)),
+        ("steps of the fit", steps),
         ("what is there of a strut", lambda: presence.strut_whiteness(drawn, level)),
         ("factors of a frame's stiffness", factors),
         ("cameras that may move", moving_cameras),
