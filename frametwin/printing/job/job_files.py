@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -201,8 +202,8 @@ def write_job_file(folder: Path, name: str, struts: int, batches: int, settings:
 
 def _hash_of(content: Mapping[str, Any]) -> str:
     """SHA-256 of what ``job.json`` holds, but for the hash itself; how the text is laid out does not matter."""
-    others = {key: value for key, value in content.items() if key != OWN_HASH}
-    return hashlib.sha256(dump_json(others).encode("utf-8")).hexdigest()
+    others = {key: value for key, value in json.loads(dump_json(content)).items() if key != OWN_HASH}
+    return hashlib.sha256(json.dumps(others, sort_keys=True).encode("utf-8")).hexdigest()
 
 
 def read_job_file(folder: Path) -> JobFile:
