@@ -130,9 +130,8 @@ def until_settled(
     """
     soon = stage.detail < problem.settings.finish[-1].detail
     for _ in range(LETTING_GO):
-        wanted = (1.0 - SETTLED) * before
-        state = free_stage(problem, state.anchored() if anchoring else state, stage, wanted=wanted if soon else np.inf)
-        settled = state.last_terms.loss > wanted
+        state = free_stage(problem, state.anchored() if anchoring else state, stage)
+        settled = state.last_terms.loss > (1.0 - SETTLED) * before
         if settled or (soon and _slow(state.record.loss, stage.iterations)):
             break
         before = state.last_terms.loss
@@ -189,12 +188,7 @@ def held_back(problem: Problem, state: State, stage: Stage) -> tuple[Problem, St
 
 
 def free_stage(
-    problem: Problem,
-    state: State,
-    stage: Stage,
-    lost: np.ndarray | None = None,
-    near: float = 0.0,
-    wanted: float = np.inf,
+    problem: Problem, state: State, stage: Stage, lost: np.ndarray | None = None, near: float = 0.0
 ) -> State:
     """Gauss-Newton steps of every joint and strut.
 
@@ -206,15 +200,11 @@ def free_stage(
         Struts that are astray and shall go where their neighbours take them.
     near : float, pixels
         The stage ends when nearly all joints move by less.
-    wanted
-        The stage ends when so many more steps like the last one would not lower the loss to this.
     """
     level, density = problem.level(stage), problem.levels.pixels_per_mm(stage.detail)
     hidden = None if state.joint_size is None else problem.stubs  # behind the material of their joints
-    losses: list[float] = []
-    for left in range(stage.iterations - 1, -1, -1):
+    for _ in range(stage.iterations):
         terms, joints, inner, cameras = _free_step(problem, state, stage, lost)
-        losses.append(terms.loss)
         furthest = _furthest(joints, problem.resting) * density
         share = stage.share * min(1.0, stage.longest / max(furthest, 1e-12))
         joints, inner = share * joints, share * inner
@@ -227,14 +217,9 @@ def free_stage(
         sizes = _joint_sizes(problem, state, pose, terms, stage) if stage.detail > 1.0 else state.joint_size
         state = replace(state, pose=pose, terms=terms, cameras=moved, joint_size=sizes)
         state = stepped(problem, state, "joints and struts", terms.loss, level)
-        if furthest < near or _out_of_reach(losses, left, wanted):
+        if furthest < near:
             break
     return state
-
-
-def _out_of_reach(loss: Sequence[float], steps: int, wanted: float) -> bool:
-    """Whether so many more steps, each of which lowers the loss by as much as the last one, do not bring it to that."""
-    return len(loss) > 1 and loss[-1] - steps * (loss[-2] - loss[-1]) > wanted
 
 
 def not_bowed_far(problem: Problem, joints: np.ndarray, inner: np.ndarray, longest: float) -> np.ndarray:
