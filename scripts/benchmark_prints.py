@@ -38,7 +38,10 @@ from frametwin.scratch import scratch_folder
 from scripts.benchmark_printing import design_of
 from scripts.evidence.scenes import frame_files
 
-FRAMES = ("bridge", "half_bowl", "klein_bottle", "mars_bubble", "Femur", "lattice_tower", "simple_frame", "fertility")
+FRAMES = (
+    *("bridge", "half_bowl", "klein_bottle", "mars_bubble"),
+    *("Femur", "lattice_tower", "simple_frame", "bunny_full_tri_dense"),
+)
 COUPON = 20
 """Struts, as ``--coupon`` has it."""
 SUPPORTS, MORE_SUPPORTS = 6, {"klein_bottle": 9}
