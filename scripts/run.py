@@ -56,10 +56,12 @@ def main(arguments: list[str]) -> int:
     try:
         venv = Path(os.environ.get("FRAMETWIN_VENV") or ROOT / ".venv").absolute()
         python = set_up(venv, {"docs", "test", *(["blender"] if options.blender else [])}, options.torch_index)
-        code = run_task(options.task, python, extra)
-        if options.task == "test" and options.blender:
-            code = test_other_blender(venv, python, extra, options.both_blenders) or code
-        return code
+        if options.task != "test" or not options.blender:
+            return run_task(options.task, python, extra)
+        with ThreadPoolExecutor(1) as pool:  # while the checks run, of which one processor does most
+            other = pool.submit(other_blender, venv, python, options.both_blenders)
+            code = run_task(options.task, python, extra)
+            return test_other_blender(other.result(), python, extra) or code
     except SetupError as error:
         print(f"\nFrameTwin cannot be set up: {error}", file=sys.stderr)
         return 1
@@ -271,38 +273,54 @@ def install_debian_packages(packages: list[str], reason: str) -> None:
 # --- Blender's other generation
 
 
-def test_other_blender(venv: Path, python: Path, extra: list[str], required: bool) -> int:
-    """Run the tests of Blender's part with the other generation, beside numpy alone as inside of a real Blender.
+def other_blender(venv: Path, python: Path, required: bool) -> tuple[Path, str] | None:
+    """Make an environment for the other generation: its interpreter, and which Blender that is.
 
     Parameters
     ----------
     venv, python
-        The project's environment, in which the worker processes of those tests run.
-    extra
-        Arguments for pytest.
+        The project's own environment.
     required
-        Whether a missing Python is an error.
+        Whether a missing Python is an error, and not merely nothing.
     """
     version = tuple(json.loads(output([python, "-c", "import json, sys; print(json.dumps(sys.version_info[:2]))"])))
     others = [other for other in BLENDER_PYTHONS if other != version]
     if version not in BLENDER_PYTHONS:
-        return 0
-    name = f"{others[0][0]}.{others[0][1]}"
+        return None
+    name, blender = f"{others[0][0]}.{others[0][1]}", BLENDER_PYTHONS[others[0]]
     base = find_python_of(others[0])
     if base is None:
-        sentence = f"{BLENDER_PYTHONS[others[0]]} needs Python {name}, which is not installed here"
+        sentence = f"{blender} needs Python {name}, which is not installed here"
         if required:
             raise SetupError(f"{sentence}. Install it, or leave out --both-blenders.")
         say(f"Tests left out: {sentence}")
-        return 0
+        return None
     other = venv.with_name(f"{venv.name}-blender-{name}")
     inner = venv_python(other)
     if not (inner.exists() and succeeds([inner, "-c", f"import {', '.join(OTHER_MODULES)}"])):
-        say(f"Making {other} for {BLENDER_PYTHONS[others[0]]}")
+        say(f"Making {other} for {blender}")
         if call([base, "-m", "venv", "--clear", other]) != 0:
             raise SetupError(f"the virtual environment {other} could not be made; the reason is above.")
-        install([*pip_install(inner), *OTHER_PACKAGES], "Blender's module")
-    say(f"pytest {' '.join([*OTHER_TESTS, *extra])} ({BLENDER_PYTHONS[others[0]]})")
+        install([*pip_install(inner), "--quiet", *OTHER_PACKAGES], "Blender's module")
+    return inner, blender
+
+
+def test_other_blender(other: tuple[Path, str] | None, python: Path, extra: list[str]) -> int:
+    """Run the tests of Blender's part with the other generation, beside numpy alone as inside of a real Blender.
+
+    Parameters
+    ----------
+    other
+        As `other_blender` gives it.
+    python
+        Of the project's environment, in which the worker processes of those tests run.
+    extra
+        Arguments for pytest.
+    """
+    if other is None:
+        return 0
+    inner, blender = other
+    say(f"pytest {' '.join([*OTHER_TESTS, *extra])} ({blender})")
     environment = {**os.environ, **SURROUNDINGS, "FRAMETWIN_PYTHON": str(python), "PYTHONPATH": str(ROOT)}
     code = call([inner, "-m", "pytest", "-p", "no:cacheprovider", *shared_out(), *OTHER_TESTS, *extra], environment)
     return 0 if code == 5 and extra else code  # 5: what was asked for by name is not among these tests

@@ -219,7 +219,8 @@ def test_blenders_part_is_tested_with_the_other_generation_too(
 ) -> None:
     monkeypatch.setattr(run, "output", lambda command: json.dumps(mine))
     monkeypatch.setattr(run, "find_python_of", lambda version: f"python{version[0]}.{version[1]}")
-    assert run.test_other_blender(tmp_path / ".venv", Path(sys.executable), ["-x"], required=True) == 0
+    made = run.other_blender(tmp_path / ".venv", Path(sys.executable), required=True)
+    assert run.test_other_blender(made, Path(sys.executable), ["-x"]) == 0
     environment = tmp_path / f".venv-blender-{other}"
     assert recorded[0] == [f"python{other}", "-m", "venv", "--clear", str(environment)]
     assert recorded[1][-5:] == list(run.OTHER_PACKAGES) and "constraints.txt" in recorded[1]
@@ -231,9 +232,10 @@ def test_a_missing_python_is_an_error_only_where_it_is_required(
 ) -> None:
     monkeypatch.setattr(run, "output", lambda command: "[3, 11]")
     monkeypatch.setattr(run, "find_python_of", lambda version: None)
-    assert run.test_other_blender(tmp_path / ".venv", Path(sys.executable), [], required=False) == 0
+    missing = run.other_blender(tmp_path / ".venv", Path(sys.executable), required=False)
+    assert missing is None and run.test_other_blender(missing, Path(sys.executable), []) == 0
     with pytest.raises(run.SetupError, match=r"Blender 5\.2 LTS needs Python 3\.13"):
-        run.test_other_blender(tmp_path / ".venv", Path(sys.executable), [], required=True)
+        run.other_blender(tmp_path / ".venv", Path(sys.executable), required=True)
     assert recorded == []
 
 
