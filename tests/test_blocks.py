@@ -11,7 +11,7 @@ from frametwin.fitting.elastic import ElasticFrame
 from frametwin.geometry.parametric import named_frame
 from frametwin.mechanics.beams import assemble, factorise
 from frametwin.mechanics.block_kernels import TASKS
-from frametwin.mechanics.blocks import BlockMatrix, BlockPattern
+from frametwin.mechanics.blocks import ALL, LAST, BlockMatrix, BlockPattern
 
 
 def graph(kind: str) -> tuple[np.ndarray, int]:
@@ -145,6 +145,7 @@ def test_tasks_share_whole_subtrees_of_fronts(kind: str) -> None:
     edges, count = graph(kind)
     order = BlockPattern.of(edges, count).elimination
     fronts = order.fronts[: order.sizes[0]]
+    assert [*ALL] == [*range(TASKS), *LAST]
     for parent, task in fronts[:, [2, 4]]:
         assert -1 <= task < TASKS
         assert parent < 0 or order.fronts[parent, 4] in (task, -1)

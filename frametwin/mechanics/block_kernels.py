@@ -442,15 +442,48 @@ def _eliminate_task(
     return True
 
 
-@nb.njit(parallel=True, cache=True, error_model="numpy")
-def factorise(starts, rows, data, order, fronts, bounds, members, sizes, factors, pivots, good):
-    """Factors of a matrix: factors, front by front (rows, own columns), and pivots (6V,), in the joints' order.
+@nb.njit(cache=True, error_model="numpy")
+def factorise(tasks, starts, rows, data, order, fronts, bounds, members, sizes, waiting, factors, pivots, good):
+    """Factors of the fronts of some tasks, one after the other; -1 is what comes after all others.
 
     data has the blocks' columns one after the other, each through all of its blocks; of each pair of blocks on both
-    sides of the diagonal one is looked at. good (1,) is 0 where a pivot is 0 or no number, else 1.
+    sides of the diagonal one is looked at. Out: factors, front by front (rows, own columns), and pivots (6V,), in the
+    joints' order; good (1,) is 0 where a pivot is 0 or no number, else 1. waiting is room that all tasks share, from
+    one call to the next.
     """
     count = len(order)
-    place, fine, waiting = np.empty(count, dtype=np.int64), np.empty(TASKS, dtype=np.int64), np.empty(sizes[4])
+    place, local = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    for k in range(count):
+        place[order[k]] = k
+    front, turned = np.empty(sizes[2] * sizes[2]), np.empty(B * sizes[2])
+    good[0] = 1
+    for task in tasks:
+        if good[0] == 1 and not _eliminate_task(
+            task,
+            starts,
+            rows,
+            data,
+            order,
+            place,
+            fronts,
+            bounds,
+            members,
+            sizes,
+            front,
+            turned,
+            local,
+            waiting,
+            factors,
+            pivots,
+        ):
+            good[0] = 0
+
+
+@nb.njit(parallel=True, cache=True, error_model="numpy")
+def factorise_together(starts, rows, data, order, fronts, bounds, members, sizes, waiting, factors, pivots, good):
+    """As `factorise`, of all tasks but the last at the same time."""
+    count = len(order)
+    place, fine = np.empty(count, dtype=np.int64), np.empty(TASKS, dtype=np.int64)
     for k in range(count):
         place[order[k]] = k
     for task in nb.prange(TASKS):
@@ -475,62 +508,7 @@ def factorise(starts, rows, data, order, fronts, bounds, members, sizes, factors
             pivots,
         )
         fine[task] = 1 if done else 0
-    good[0] = 0
-    for task in range(TASKS):
-        if fine[task] == 0:
-            return
-    last, wide, where = np.empty(sizes[2] * sizes[2]), np.empty(B * sizes[2]), np.empty(count, dtype=np.int64)
-    if _eliminate_task(
-        -1,
-        starts,
-        rows,
-        data,
-        order,
-        place,
-        fronts,
-        bounds,
-        members,
-        sizes,
-        last,
-        wide,
-        where,
-        waiting,
-        factors,
-        pivots,
-    ):
-        good[0] = 1
-
-
-@nb.njit(cache=True, error_model="numpy")
-def factorise_alone(starts, rows, data, order, fronts, bounds, members, sizes, factors, pivots, good):
-    """As `factorise`, in one thread."""
-    count = len(order)
-    place, local, waiting = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64), np.empty(sizes[4])
-    for k in range(count):
-        place[order[k]] = k
-    front, turned = np.empty(sizes[2] * sizes[2]), np.empty(B * sizes[2])
-    good[0] = 1
-    for n in range(TASKS + 1):
-        task = n if n < TASKS else -1
-        if good[0] == 1 and not _eliminate_task(
-            task,
-            starts,
-            rows,
-            data,
-            order,
-            place,
-            fronts,
-            bounds,
-            members,
-            sizes,
-            front,
-            turned,
-            local,
-            waiting,
-            factors,
-            pivots,
-        ):
-            good[0] = 0
+    good[0] = fine.min()
 
 
 @nb.njit(**HELPER)
@@ -551,15 +529,14 @@ def solve(order, fronts, bounds, members, sizes, factors, pivots, right, result)
     """Solutions (6V, M) for right sides (6V, M)."""
     count, number, sides = len(order), sizes[0], right.shape[1]
     values = np.empty((B * count, sides))
-    places, total = np.empty(sizes[2], dtype=np.int64), 0
+    places = np.empty(sizes[2], dtype=np.int64)
     for k in range(count):
         for r in range(B):
             for m in range(sides):
                 values[B * k + r, m] = right[B * order[k] + r, m]
     for f in range(number):
         own, size = _rows_of(f, fronts, bounds, members, places)
-        _forwards(values, factors, total, places, own, size)
-        total += size * own
+        _forwards(values, factors, fronts[f, FACTORS], places, own, size)
     for i in range(B * count):
         inverse = 1.0 / pivots[i]
         for m in range(sides):
@@ -567,8 +544,7 @@ def solve(order, fronts, bounds, members, sizes, factors, pivots, right, result)
     for back in range(number):
         f = number - 1 - back
         own, size = _rows_of(f, fronts, bounds, members, places)
-        total -= size * own
-        _backwards(values, factors, total, places, own, size)
+        _backwards(values, factors, fronts[f, FACTORS], places, own, size)
     for k in range(count):
         for r in range(B):
             for m in range(sides):

@@ -13,6 +13,9 @@ block_kernels = KeptLoops("frametwin.mechanics.block_kernels")
 
 BLOCK = 6
 
+ALL, LAST = np.array([0, 1, -1]), np.array([-1])
+"""Tasks that one thread does, and what comes after the others; see `block_kernels.analyse`."""
+
 FEW = 500_000
 """Numbers in factors, below which threads would wait for each other longer than they save."""
 
@@ -201,9 +204,13 @@ class Elimination:
         data = np.ascontiguousarray(data, dtype=np.float64)
         factors, pivots = np.empty(self.sizes[3]), np.empty(BLOCK * len(self.order))
         good = np.zeros(1, dtype=np.int64)
-        alone = bool(self.sizes[3] < FEW) if alone is None else alone
-        loop = block_kernels.factorise_alone if alone else block_kernels.factorise
-        loop(self.starts, self.rows, data, *self._parts, factors, pivots, good)
+        known = (self.starts, self.rows, data, *self._parts, np.empty(self.sizes[4]), factors, pivots, good)
+        if bool(self.sizes[3] < FEW) if alone is None else alone:
+            block_kernels.factorise(ALL, *known)
+        else:
+            block_kernels.factorise_together(*known)
+            if good[0]:
+                block_kernels.factorise(LAST, *known)
         if not good[0]:
             raise RuntimeError("Factor is exactly singular")
         return BlockFactor(self, factors, pivots)
